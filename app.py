@@ -1,0 +1,3 @@
+from pdlab.page import main
+
+main()

@@ -1,0 +1,234 @@
+"""The runner: specimens in, packings out; what is in the store is read, the rest runs on an executor.
+
+Chunks of a few seconds go to a spawn process pool; every finished run is written at once. Between
+chunks lie progress, Ctrl-C, and the bound on what a dead worker costs.
+"""
+
+import io
+import json
+import logging
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pdlab import packing, store
+from pdlab.errors import EngineError, WorkersLost
+from pdlab.models import Run, RunState, now
+from pdlab.specimen import Packing, Specimen
+from pdlab.store import Store
+
+log = logging.getLogger(__name__)
+
+CHUNK = 20_000_000
+"""Sphere-steps handed out at once: a few seconds."""
+LOST_POOLS = 3
+"""Pools in a row that may die without one finished chunk before the runner gives up."""
+TYPICAL_STEPS = 45.0
+"""A loose bed's way to rest, in sqrt(d/g): for the progress shown, for nothing else."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a call is: runs wanted, read from the store and simulated, and the share of work done."""
+
+    wanted: int
+    read: int
+    simulated: int
+    share: float
+
+
+Advanced = tuple[packing.State, float]
+
+
+def advance(specimen: Specimen, state: packing.State | None, steps: int) -> Advanced:
+    """Advance a bed in a worker; return it and the seconds that took. Workers know no database."""
+    begun = time.perf_counter()
+    return packing.advance(specimen, state, steps), time.perf_counter() - begun
+
+
+def _start_worker() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to answer
+
+
+def spawn_pool(workers: int) -> ProcessPoolExecutor:
+    """Return a pool of fresh processes, one simulation in each."""
+    return ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker)
+
+
+@dataclass
+class _Job:
+    """A specimen on its way: its bed after the last chunk and the seconds spent."""
+
+    specimen: Specimen
+    digest: str
+    state: packing.State | None = None
+    seconds: float = 0.0
+
+    @property
+    def steps(self) -> int:
+        return max(1, CHUNK // self.specimen.spheres)
+
+    @property
+    def share(self) -> float:
+        """A guess at the share of its steps that lie behind it."""
+        if self.state is None or len(self.state.history) == 0:
+            return 0.0
+        return min(0.95, float(self.state.history[-1, 0]) / TYPICAL_STEPS)
+
+
+def cores() -> int:
+    """Return the processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass
+class Runner:
+    """Runs specimens on ``workers`` processes for one store; callable as ``run_all``.
+
+    ``on_progress`` is called after every chunk. ``simulated`` and ``read`` count over all calls.
+    """
+
+    target: Store
+    workers: int = field(default_factory=cores)
+    on_progress: Callable[[Progress], None] | None = None
+    make_pool: Callable[[int], Executor] = spawn_pool
+    simulated: int = 0
+    read: int = 0
+
+    def __call__(self, specimens: Sequence[Specimen]) -> list[Packing | EngineError]:
+        """Return each specimen's packing, or the error in its place, in order; equal ones run once.
+
+        Raises WorkersLost when worker processes die again and again.
+        """
+        digests = [specimen.digest(packing.VERSION) for specimen in specimens]
+        with self.target.read() as session:
+            stored = store.done_runs(session, digests)
+        done: dict[str, Packing | EngineError] = {digest: _packing(run) for digest, run in stored.items()}
+        self.read += len(done)
+        jobs = {
+            digest: _Job(specimen, digest)
+            for digest, specimen in zip(digests, specimens, strict=True)
+            if digest not in done
+        }
+        if jobs:
+            self._run(jobs, done)
+        return [done[digest] for digest in digests]
+
+    def _run(self, jobs: dict[str, _Job], done: dict[str, Packing | EngineError]) -> None:
+        waiting = sorted(jobs.values(), key=lambda job: -job.specimen.spheres)  # the longest first
+        active: dict[Future[Advanced], _Job] = {}
+        pool, lost, read = self.make_pool(self.workers), 0, len(done)
+        try:
+            while waiting or active:
+                try:
+                    while waiting and len(active) < self.workers:
+                        job = waiting[0]
+                        active[pool.submit(advance, job.specimen, job.state, job.steps)] = job
+                        waiting.pop(0)
+                    for future in wait(active, return_when=FIRST_COMPLETED).done:
+                        job = active[future]
+                        waiting = self._take(job, future, done) + waiting
+                        del active[future]
+                        lost = 0
+                except BrokenProcessPool:
+                    lost += 1
+                    waiting, active = [*active.values(), *waiting], {}
+                    pool = self._new_pool(pool, lost)
+                self._tell(jobs, done, read)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+    def _take(self, job: _Job, future: Future[Advanced], done: dict[str, Packing | EngineError]) -> list[_Job]:
+        """Take a chunk's result: keep the run when it has ended, else return it to be carried on."""
+        try:
+            job.state, seconds = future.result()
+            job.seconds += seconds
+            if not job.state.rest:
+                return [job]
+            done[job.digest] = self._save(job)
+        except EngineError as error:
+            self._save_failure(job, error)
+            done[job.digest] = error
+        return []
+
+    def _new_pool(self, pool: Executor, lost: int) -> Executor:
+        pool.shutdown(wait=False, cancel_futures=True)
+        if lost >= LOST_POOLS:
+            raise WorkersLost(
+                f"{lost} pools of worker processes died in a row without finishing a chunk; "
+                "free some memory, or use fewer workers"
+            )
+        log.warning("a worker process died; its chunk runs again")
+        return self.make_pool(self.workers)
+
+    def _tell(self, jobs: dict[str, _Job], done: dict[str, Packing | EngineError], read: int) -> None:
+        if self.on_progress is not None:
+            shares = [1.0 if digest in done else job.share for digest, job in jobs.items()]
+            ended = sum(digest in done for digest in jobs)
+            self.on_progress(Progress(len(jobs) + read, read, ended, sum(shares) / len(jobs)))
+
+    def _save(self, job: _Job) -> Packing:
+        """Measure a bed at rest and write its run. Raises EngineError when it is no packing."""
+        assert job.state is not None
+        result = packing.measure(job.specimen, job.state, job.seconds)
+        run = _run_row(job, "done")
+        for name in ("packing_density", "coordination_number", "height", "largest_overlap", "rest", "steps", "seconds"):
+            setattr(run, name, getattr(result, name))
+        run.slab_shares = json.dumps(result.slab_shares)
+        run.warnings = "\n".join(result.warnings) or None
+        with self.target.write() as session:
+            store.save_run(session, run, _state_row(job))
+        self.simulated += 1
+        return result
+
+    def _save_failure(self, job: _Job, error: EngineError) -> None:
+        """Keep a failed run with its reason and its last bed."""
+        run = _run_row(job, "failed")
+        run.error = str(error)
+        with self.target.write() as session:
+            store.save_run(session, run, _state_row(job) if job.state is not None else None)
+
+
+def _run_row(job: _Job, state: str) -> Run:
+    engine = packing.fingerprint()
+    return Run(
+        specimen_hash=job.digest,
+        specimen=job.specimen.canonical(packing.VERSION),
+        engine_version=packing.VERSION,
+        numba_version=engine["numba"],
+        processor=engine["cpu"],
+        seed=job.specimen.seed,
+        spheres=job.specimen.spheres,
+        state=state,
+        finished_at=now(),
+    )
+
+
+def _state_row(job: _Job) -> RunState:
+    assert job.state is not None
+    archive = io.BytesIO()
+    np.savez_compressed(archive, place=job.state.place, species=job.state.species.astype(np.uint8))
+    return RunState(specimen_hash=job.digest, steps=job.state.steps, archive=archive.getvalue())
+
+
+def _packing(run: Run) -> Packing:
+    """Return a stored run as the packing that it gave."""
+    return Packing(
+        digest=run.specimen_hash,
+        packing_density=float(run.packing_density or 0.0),
+        coordination_number=float(run.coordination_number or 0.0),
+        height=float(run.height or 0.0),
+        slab_shares=tuple(json.loads(run.slab_shares or "[]")),
+        largest_overlap=float(run.largest_overlap or 0.0),
+        rest=run.rest or "",
+        steps=int(run.steps or 0),
+        seconds=float(run.seconds or 0.0),
+        warnings=tuple((run.warnings or "").splitlines()),
+    )

@@ -1,0 +1,347 @@
+"""The verbs in the shell. Exit codes: 0; 2 for what the user can mend; 1 for a fault of pdlab."""
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pdlab.errors import InputError, PdlabError
+
+if TYPE_CHECKING:
+    from pdlab.experiments import CalibrationReport, PredictionReport
+    from pdlab.lab import Lab
+
+app = typer.Typer(
+    name="pdlab", help="How densely will this mixture of aggregates pack?", no_args_is_help=True,
+    pretty_exceptions_enable=False, rich_markup_mode=None, add_completion=False,
+)  # fmt: skip
+db = typer.Typer(help="The store itself.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(db, name="db")
+
+Store = Annotated[
+    str | None, typer.Option("--store", help="Store URL or SQLite file; else PDLAB_STORE, else pdlab.db.")
+]
+Rule = Annotated[str, typer.Option(help="Rule for the equivalent diameter.")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
+DEMO_STORE = "sqlite:///pdlab-demo.db"
+
+
+def main() -> None:
+    """Run a verb; turn what went wrong into one sentence and an exit code."""
+    try:
+        app()
+    except InputError as error:
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    except PdlabError as error:
+        print(error, file=sys.stderr)
+        sys.exit(1)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from pdlab import __version__
+
+        print(f"pdlab {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", is_eager=True, callback=_show_version)
+    ] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Log what is done to stderr.")] = False,
+) -> None:
+    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, format="%(name)s: %(message)s")
+
+
+@contextmanager
+def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
+    """Open the store, say when it is made, and show a bar while beds are simulated."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    from pdlab.lab import Lab
+
+    bar = Progress(
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+    )  # fmt: skip
+    task = bar.add_task("", total=1.0, visible=False)
+
+    def show(progress: Any) -> None:
+        if not bar.live.is_started:
+            bar.start()
+        text = f"simulating: {progress.simulated} of {progress.wanted - progress.read} beds"
+        bar.update(task, completed=progress.share, description=text, visible=True)
+        if progress.simulated == progress.wanted - progress.read:
+            bar.stop()
+            bar.reset(task, visible=False)
+
+    with Lab(store, workers, show) as lab:
+        if lab.store.created:
+            print(f"made a new store: {lab.store.url}")
+        try:
+            yield lab
+        finally:
+            bar.stop()
+
+
+def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    console.print(table, markup=False)
+
+
+def _number(value: float | None, digits: int = 4, sign: bool = False) -> str:
+    return "" if value is None else f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
+
+
+def _show_calibrations(reports: Sequence["CalibrationReport"]) -> None:
+    rows = []
+    for report in reports:
+        result = report.result
+        if result is None:
+            continue
+        low = "0" if result.low is None else f"{result.low:.3g}"
+        interval = f"{low} to {result.high:.3g}" if result.high is not None else f"{low} or more"
+        rows.append(
+            [
+                report.aggregate, f"{report.diameter:.2f}", _number(report.measured), _number(result.input_error),
+                f"{result.friction:.4g}", interval, _number(result.packing_density), _number(result.curve_error),
+            ]
+        )  # fmt: skip
+    if rows:
+        rule = reports[0].rule
+        _table(
+            f"Calibrated friction (method monosized, diameter rule {rule})",
+            ["aggregate", "d [mm]", "measured PD", "± input", "friction μ", "μ interval", "simulated PD", "± curve"],
+            rows,
+        )
+    notes: dict[str, list[str]] = {}
+    for report in reports:
+        for text in report.result.warnings if report.result else ():
+            notes.setdefault(text, []).append(report.aggregate)
+    for text, names in notes.items():
+        print(f"note: {', '.join(names)}: {text}")
+
+
+def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
+    rows = [
+        [
+            report.mixture, _number(report.packing_density), _number(report.standard_error),
+            _number(report.input_error), _number(report.expected_error), _number(report.measured),
+            _number(report.difference, sign=True), _number(report.volume_mean), report.state,
+        ]
+        for report in reports
+    ]  # fmt: skip
+    _table(
+        "Predicted against measured packing density (method monosized)",
+        [
+            "mixture",
+            "predicted PD",
+            "± simulation",
+            "± inputs",
+            "± expected",
+            "measured PD",
+            "difference",
+            "volume mean",
+            "state",
+        ],
+        rows,
+    )
+    compared = [report for report in reports if report.difference is not None and report.measured is not None]
+    if compared:
+        own = sum(abs(report.difference or 0.0) for report in compared) / len(compared)
+        plain = sum(abs((report.volume_mean or 0.0) - (report.measured or 0.0)) for report in compared) / len(compared)
+        print(
+            f"mean absolute error over {len(compared)} mixtures: {own:.4f} (volume mean of the aggregates: {plain:.4f})"
+        )
+    for report in reports:
+        if report.message and report.error is None:
+            print(f"note: {report.mixture}: {report.message}")
+
+
+def _raise_failures(reports: Sequence[Any]) -> None:
+    """Name every failure on stderr and end with its exit code."""
+    errors = [report.error for report in reports if report.error is not None]
+    for report in reports:
+        if report.error is not None:
+            print(f"{getattr(report, 'mixture', None) or report.aggregate}: {report.error}", file=sys.stderr)
+    if errors:
+        raise typer.Exit(2 if all(isinstance(error, InputError) for error in errors) else 1)
+
+
+@app.command()
+def demo(store: Store = None, workers: Workers = None) -> None:
+    """Feret's round pebbles: calibrate three fractions, predict their three mixtures, compare."""
+    from pdlab.lab import SHIPPED
+
+    with _lab(store or os.environ.get("PDLAB_STORE") or DEMO_STORE, workers) as lab:
+        print("Feret's round pebbles, three fractions and three mixtures (source: pdlab/data/README.md)")
+        lab.import_tables(SHIPPED)
+        names = list(dict.fromkeys(lab_rows(SHIPPED / "aggregates.csv", "name")))
+        _show_calibrations(reports := lab.calibrate(names))
+        _raise_failures(reports)
+        blends = list(dict.fromkeys(lab_rows(SHIPPED / "mixtures.csv", "mixture")))
+        _show_predictions(predicted := lab.predict_reports(blends))
+        _raise_failures(predicted)
+        print(f"{lab.runner.simulated} beds simulated, the others read from {lab.store.url}")
+        print(f"see the page: pdlab serve --store {lab.store.url}")
+
+
+def lab_rows(file: Path, column: str) -> list[str]:
+    """Return a column of a shipped table."""
+    import pandas as pd
+
+    return list(pd.read_csv(file, dtype=str)[column])
+
+
+@app.command("import")
+def import_(path: Annotated[Path, typer.Argument(metavar="FILE-OR-FOLDER")], store: Store = None) -> None:
+    """Import aggregates, sieves, density tests and mixtures from CSV: all of it or nothing."""
+    with _lab(store) as lab:
+        done = lab.import_tables(path)
+        new = ", ".join(f"{count} {name}" for name, count in done.new.items() if count) or "nothing new"
+        print(f"imported {new}; {done.equal} equal to what was there")
+
+
+@app.command()
+def calibrate(
+    aggregates: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
+    rule: Rule = "log_mean",
+    seeds: Annotated[int, typer.Option(min=2, help="Beds at each node of the curve.")] = 4,
+    store: Store = None,
+    workers: Workers = None,
+) -> None:
+    """Find each aggregate's friction coefficient: the one whose simulated PD is the measured PD."""
+    with _lab(store, workers) as lab:
+        _show_calibrations(reports := lab.calibrate(aggregates or (), rule, seeds))
+        _raise_failures(reports)
+
+
+@app.command()
+def predict(
+    mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
+    method: Annotated[str, typer.Option(help="How a mixture is predicted.")] = "monosized",
+    rule: Rule = "log_mean",
+    seeds: Annotated[int, typer.Option(min=2, help="Beds of each mixture at first.")] = 4,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write the table as CSV.")] = None,
+    store: Store = None,
+    workers: Workers = None,
+) -> None:
+    """Simulate mixtures and set their packing density beside the measured one."""
+    from pdlab.lab import prediction_frame
+
+    if method != "monosized":
+        raise InputError(f"'{method}' is no method of this version; use monosized")
+    if output is not None and not output.absolute().parent.is_dir():
+        raise InputError(f"the folder of {output} does not exist; make it or choose another file")
+    with _lab(store, workers) as lab:
+        reports = lab.predict_reports(mixtures or (), rule, seeds)
+        _show_predictions(reports)
+        if output is not None:
+            prediction_frame(reports).to_csv(output, index=False)
+            print(f"written to {output}")
+        _raise_failures(reports)
+
+
+LISTS = ("aggregates", "mixtures", "runs", "predictions")
+
+
+@app.command()
+def ls(what: Annotated[str, typer.Argument(help=" | ".join(LISTS))] = "aggregates", store: Store = None) -> None:
+    """List what the store holds."""
+    if what not in LISTS:
+        raise InputError(f"'{what}' cannot be listed; use one of {', '.join(LISTS)}")
+    with _lab(store) as lab:
+        frame = getattr(lab, what)()
+        if frame.empty:
+            print(f"no {what} yet")
+            return
+        frame = frame.drop(columns=frame.columns[frame.isna().all()])
+        cells = [[_cell(value) for value in row] for row in frame.itertuples(index=False)]
+        _table(f"{len(frame)} {what}" if what != "mixtures" else what, list(frame.columns), cells)
+
+
+def _cell(value: Any) -> str:
+    import pandas as pd
+
+    if pd.isna(value):
+        return ""
+    text = f"{value:.5g}" if isinstance(value, float) else str(value)
+    return text[:12] if len(text) == 64 else text  # a specimen's hash
+
+
+@app.command()
+def serve(
+    store: Store = None,
+    port: Annotated[int, typer.Option(min=1, max=65535)] = 8501,
+) -> None:
+    """Serve the page on 127.0.0.1, without telemetry; Ctrl-C ends it."""
+    import importlib.util
+
+    from pdlab.store import open_store
+
+    opened = open_store(store)
+    opened.close()
+    if opened.created:
+        print(f"made a new store: {opened.url}")
+    spec = importlib.util.find_spec("pdlab.page")
+    assert spec is not None
+    assert spec.origin is not None
+    flags = {
+        "server.address": "127.0.0.1", "server.port": str(port), "server.headless": "true",
+        "server.maxUploadSize": "20", "browser.gatherUsageStats": "false", "client.toolbarMode": "viewer",
+        "server.fileWatcherType": "none",
+    }  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "streamlit",
+        "run",
+        spec.origin,
+        *(f"--{key}={value}" for key, value in flags.items()),
+    ]
+    print(f"the page: http://127.0.0.1:{port} (store {opened.url}; Ctrl-C ends it)", flush=True)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    page = subprocess.Popen(command, env={**os.environ, "PDLAB_STORE": opened.url})
+    try:
+        code = page.wait()
+    except KeyboardInterrupt:
+        code = 0
+    finally:
+        page.terminate()
+        page.wait()
+    sys.exit(code)
+
+
+@db.command("upgrade")
+def upgrade(store: Store = None) -> None:
+    """Bring the store to this version's tables, making it when it is missing."""
+    from pdlab.store import store_url
+    from pdlab.store import upgrade as run
+
+    before, after = run(store)
+    url = store_url(store)
+    print(f"{url}: {'made' if before is None else 'upgraded' if before != after else 'already'} at revision {after}")
+
+
+if __name__ == "__main__":
+    main()

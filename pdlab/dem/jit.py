@@ -1,0 +1,50 @@
+"""The one place for numba options, each with its reason."""
+
+import hashlib
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+from llvmlite import binding
+
+
+def _cache_folder() -> Path:
+    """Return a folder named by the engine's sources: numba alone misses a change in another file."""
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    folder = Path(platformdirs.user_cache_dir("pdlab", appauthor=False)) / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:  # a read-only home
+        return Path(tempfile.mkdtemp(prefix=f"pdlab-{name}-"))
+
+
+_FOLDER = _cache_folder()
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile ``function`` with the options that every kernel of the engine shares."""
+    options: Any = numba.config
+    outside, options.CACHE_DIR = options.CACHE_DIR, str(_FOLDER)  # read once, when the cache is enabled below
+    try:
+        compiled = numba.njit(
+            cache=True,  # a second process starts in milliseconds
+            nogil=True,  # other threads of the process live on
+            error_model="numpy",  # no test for a zero divisor in the inner loop
+            fastmath={"contract"},  # fused multiply-add; NaN and infinity keep their meaning
+        )(function)
+    finally:
+        options.CACHE_DIR = outside
+    return compiled
+
+
+def fingerprint() -> dict[str, str]:
+    """Return what beside ``dem.VERSION`` decides the last bits: numba's version and the processor."""
+    return {"numba": numba.__version__, "cpu": binding.get_host_cpu_name()}

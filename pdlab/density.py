@@ -1,0 +1,100 @@
+"""A bulk-density test and a particle density → the measured packing density and its error."""
+
+import math
+from dataclasses import dataclass
+
+from pdlab.errors import DensityError
+
+WATER_DENSITY = 997.5
+"""kg/m³, water at 23 °C, the temperature of ASTM C127 and C128."""
+DEFAULT_ERROR = 0.005
+"""Standard error of a measured PD whose test states no repeats."""
+BASES = ("oven_dry", "ssd", "apparent")
+COMPACTIONS = ("loose", "rodded", "vibrated", "unstated")
+
+
+@dataclass(frozen=True)
+class MeasuredPacking:
+    """A measured packing density [-], its standard error [-], and what was assumed on the way."""
+
+    packing_density: float
+    standard_error: float
+    warnings: tuple[str, ...] = ()
+
+
+def oven_dry_density(density: float, basis: str, absorption_percent: float | None = None) -> float:
+    """Return the oven-dry particle density [kg/m³] from one on another basis.
+
+    ``density`` [kg/m³] on ``basis`` (oven_dry, ssd, apparent); ``absorption_percent``: water
+    absorption in percent of the dry mass. Raises DensityError. Source: the definitions of ASTM C127.
+    """
+    if not (math.isfinite(density) and density > 0.0):
+        raise DensityError(f"particle density {density:g} kg/m³ must be above 0; enter it in kg/m³")
+    if basis not in BASES:
+        raise DensityError(f"density basis '{basis}' is unknown; use one of {', '.join(BASES)}")
+    if basis == "oven_dry":
+        return density
+    if absorption_percent is None:
+        raise DensityError(
+            f"a particle density on the basis '{basis}' needs the water absorption to become oven-dry; "
+            "enter water_absorption_percent"
+        )
+    if not 0.0 <= absorption_percent < 100.0:
+        raise DensityError(f"water absorption {absorption_percent:g} % must lie in [0, 100); enter percent of dry mass")
+    if basis == "ssd":
+        return density / (1.0 + absorption_percent / 100.0)
+    return 1.0 / (1.0 / density + absorption_percent / 100.0 / WATER_DENSITY)
+
+
+def measured_packing(
+    kind: str,
+    value: float,
+    particle_density: float | None = None,
+    repeats: int | None = None,
+    standard_deviation: float | None = None,
+) -> MeasuredPacking:
+    """Return the measured packing density of a density test.
+
+    ``kind``: bulk_density_kg_m3 (needs the oven-dry ``particle_density`` [kg/m³]), voids_percent or
+    packing_density. ``standard_deviation`` is that of single tests, in the unit of ``value``; the mean
+    of ``repeats`` has it over √repeats; without it 0.005 in PD is taken and said. Raises DensityError.
+    """
+    scale, packing = 1.0, value
+    if kind == "bulk_density_kg_m3":
+        if particle_density is None:
+            raise DensityError(
+                f"bulk density {value:g} kg/m³ needs a particle density to become a packing density; "
+                "enter particle_density_kg_m3 and density_basis"
+            )
+        scale = 1.0 / particle_density
+        packing = value * scale
+    elif kind == "voids_percent":
+        scale, packing = 0.01, 1.0 - value / 100.0
+    elif kind != "packing_density":
+        raise DensityError(f"'{kind}' is no density test; give bulk_density_kg_m3, voids_percent or packing_density")
+    if not 0.0 < packing < 1.0:
+        raise DensityError(
+            f"{kind} {value:g} gives a packing density of {packing:.4g}, outside (0, 1); check the value and its unit"
+        )
+    if repeats is not None and repeats < 1:
+        raise DensityError(f"repeats {repeats} must be at least 1; leave it empty when unknown")
+    if standard_deviation is None:
+        note = f"no standard deviation stated: a standard error of {DEFAULT_ERROR:g} in PD is assumed"
+        return MeasuredPacking(packing, DEFAULT_ERROR, (note,))
+    if not (math.isfinite(standard_deviation) and standard_deviation >= 0.0):
+        raise DensityError(
+            f"standard deviation {standard_deviation:g} must not be negative; leave it empty when unknown"
+        )
+    return MeasuredPacking(packing, standard_deviation * scale / math.sqrt(repeats or 1))
+
+
+def voids_percent(packing_density: float) -> float:
+    """Return the voids [%] between the grains of a packing density [-]."""
+    return 100.0 * (1.0 - packing_density)
+
+
+def solid_volume_shares(mass_shares: list[float], particle_densities: list[float]) -> list[float]:
+    """Return solid-volume shares [-] from mass shares [-] and oven-dry particle densities [kg/m³]."""
+    volumes = [share / density for share, density in zip(mass_shares, particle_densities, strict=True)]
+    total = sum(volumes)
+    return [volume / total for volume in volumes]

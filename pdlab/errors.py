@@ -1,0 +1,111 @@
+"""Every error that pdlab raises on purpose: one sentence with the value, the limit and the remedy.
+
+PdlabError
+├── InputError              what the user can mend; the shell answers with exit code 2
+│   ├── GradingError        a sieve table that is no grading
+│   ├── DensityError        a bulk density, voids or packing density that cannot be one
+│   ├── ShareError          proportions that are none
+│   ├── UnknownName         an aggregate or mixture that the store does not hold
+│   ├── TableError          what is wrong in imported tables, all of it, with file, row, column
+│   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
+│   ├── OutOfReach          a packing density that the method's spheres cannot reach
+│   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
+│   └── StoreError          a file that is no store, or a store of another revision
+└── EngineError             a run that gave no packing density
+    ├── RunDiverged         NaN, spheres that escape, overlaps above the bound
+    ├── NotAtRest           the bed did not come to rest in its time
+    ├── Segregated          the slab's shares are not the mixture's
+    └── WorkersLost         worker processes died again and again
+"""
+
+from dataclasses import dataclass
+
+
+class PdlabError(Exception):
+    """Whatever pdlab raises on purpose."""
+
+
+class InputError(PdlabError):
+    """What the user can mend."""
+
+
+class GradingError(InputError):
+    """A sieve table that is no grading; ``row`` counts from 0, None for the table as a whole."""
+
+    def __init__(self, message: str, row: int | None = None) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+class DensityError(InputError):
+    """A bulk density, voids or packing density that cannot be one."""
+
+
+class ShareError(InputError):
+    """Proportions that are none."""
+
+
+class UnknownName(InputError):
+    """An aggregate or mixture that the store does not hold."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong in a table: where, and what to do about it."""
+
+    file: str
+    row: int | None
+    column: str | None
+    message: str
+
+    def __str__(self) -> str:
+        place = self.file
+        if self.row is not None:
+            place += f", row {self.row}"
+        if self.column is not None:
+            place += f", column {self.column}"
+        return f"{place}: {self.message}"
+
+
+class TableError(InputError):
+    """All that is wrong in imported tables; ``problems`` holds each with file, row and column."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__("\n".join(str(problem) for problem in problems))
+        self.problems = problems
+
+
+class ProtocolError(InputError):
+    """A test that this version cannot simulate, or two that do not mix."""
+
+
+class OutOfReach(InputError):
+    """A packing density that the method's spheres cannot reach."""
+
+
+class SpecimenTooLarge(InputError):
+    """A mixture that needs more spheres than the cap."""
+
+
+class StoreError(InputError):
+    """A file that is no store, or a store of another revision."""
+
+
+class EngineError(PdlabError):
+    """A run that gave no packing density."""
+
+
+class RunDiverged(EngineError):
+    """NaN, spheres that escape, overlaps above the bound."""
+
+
+class NotAtRest(EngineError):
+    """The bed did not come to rest in its time."""
+
+
+class Segregated(EngineError):
+    """The slab's shares are not the mixture's."""
+
+
+class WorkersLost(EngineError):
+    """Worker processes died again and again."""

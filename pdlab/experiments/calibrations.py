@@ -1,0 +1,182 @@
+"""Calibrate aggregates: the runs they share, the curve, the rows that keep it."""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pdlab import calibration, grading, store
+from pdlab.calibration import METHOD
+from pdlab.density import MeasuredPacking
+from pdlab.errors import EngineError, InputError, PdlabError
+from pdlab.experiments.readings import current_grading, measured_test, particle_density
+from pdlab.grading import DEFAULT_RULE
+from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
+from pdlab.specimen import LOOSE, Packing, Specimen
+from pdlab.store import Store
+
+RunAll = Callable[[Sequence[Specimen]], list[Packing | EngineError]]
+"""Runs specimens, or reads those already run; returns in the same order what each gave."""
+
+
+@dataclass(frozen=True)
+class CalibrationReport:
+    """An aggregate's calibration, or the error that stands in its place."""
+
+    aggregate: str
+    aggregate_id: int
+    calibration_id: int | None = None
+    diameter: float = math.nan
+    rule: str = DEFAULT_RULE
+    measured: float = math.nan
+    compaction: str = ""
+    result: calibration.Calibrated | None = None
+    density: float | None = None
+    error: PdlabError | None = None
+
+
+@dataclass
+class _Open:
+    """An aggregate on its way to a calibration."""
+
+    aggregate: Aggregate
+    analysis: SieveAnalysis
+    test: PackingTest
+    measured: MeasuredPacking
+    diameter: float
+    warnings: list[str]
+
+
+def calibrate(
+    target: Store,
+    run_all: RunAll,
+    names: Sequence[str] = (),
+    rule: str = DEFAULT_RULE,
+    seeds: int = calibration.SEEDS,
+) -> list[CalibrationReport]:
+    """Calibrate the named aggregates, or all; each one's error stands in its report.
+
+    Runs are shared: the nodes of the curve PD(μ) that any aggregate needs are run once for all. Raises
+    UnknownName, and GradingError for an unknown ``rule``.
+    """
+    if rule not in grading.RULES:
+        raise InputError(f"'{rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
+    with target.read() as session:
+        rows = store.aggregates(session, names)
+    if not rows:
+        raise InputError("the store holds no aggregate yet; import some, or run 'pdlab demo'")
+    reports, waiting = dict[int, CalibrationReport](), dict[int, _Open]()
+    for row in rows:
+        try:
+            waiting[row.id] = _open_calibration(row, rule)
+        except PdlabError as error:
+            reports[row.id] = CalibrationReport(row.name, row.id, error=error)
+    _fill_curve(list(waiting.values()), run_all, seeds, nodes := dict[float, list[Packing]]())
+    for key, one in waiting.items():
+        try:
+            result = calibration.solve(one.measured, calibration.curve(nodes))
+            reports[key] = _save_calibration(target, one, rule, result, nodes)
+        except PdlabError as error:
+            reports[key] = CalibrationReport(one.aggregate.name, key, error=error)
+    return [reports[row.id] for row in rows]
+
+
+def _open_calibration(row: Aggregate, rule: str) -> _Open:
+    sieved, test = current_grading(row), store.newest_test(row.packing_tests)
+    if sieved is None:
+        raise InputError(f"aggregate '{row.name}' has no sieve analysis; enter one")
+    if test is None:
+        raise InputError(f"aggregate '{row.name}' has no density test; enter one")
+    warnings = list(sieved.warnings)
+    if test.compaction == "unstated":
+        warnings.append("the density test's compaction is not stated: it is simulated as loose")
+    elif test.compaction != "loose":
+        raise InputError(
+            f"aggregate '{row.name}' was tested {test.compaction}, and only loose tests can be simulated yet; "
+            "enter a loose test"
+        )
+    measured = measured_test(test, particle_density(row))
+    coarsest = sieved.apertures[0]
+    if test.container_diameter_mm is not None and test.container_diameter_mm < 10.0 * coarsest:
+        warnings.append(
+            f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than 10: "
+            "the wall's effect on the measured PD lies in the friction coefficient"
+        )
+    diameter = grading.equivalent_diameter(sieved, rule)
+    return _Open(row, row.sieve_analyses[-1], test, measured, diameter, [*warnings, *measured.warnings])
+
+
+def _fill_curve(waiting: list[_Open], run_all: RunAll, seeds: int, nodes: dict[float, list[Packing]]) -> None:
+    """Run the curve's nodes, round by round, until every aggregate's PD is enclosed or out of reach."""
+    while True:
+        known = calibration.curve(nodes) if nodes else None
+        wanted = sorted({node for one in waiting for node in calibration.missing_nodes(one.measured, known)})
+        if not wanted:
+            return
+        beds = [bed for node in wanted for bed in calibration.node_specimens(node, seeds)]
+        packings = list[Packing]()
+        for outcome in run_all(beds):
+            if isinstance(outcome, EngineError):
+                raise outcome
+            packings.append(outcome)
+        for k, node in enumerate(wanted):
+            nodes[node] = packings[k * seeds : (k + 1) * seeds]
+
+
+def protocol_text() -> str:
+    """Return the protocol of this version's runs, as it is kept with their results."""
+    return json.dumps(asdict(LOOSE), sort_keys=True)
+
+
+def _save_calibration(
+    target: Store, one: _Open, rule: str, result: calibration.Calibrated, nodes: dict[float, list[Packing]]
+) -> CalibrationReport:
+    """Write a calibration, unless an equal one on the same runs is there already."""
+    digests = {packing.digest for packings in nodes.values() for packing in packings}
+    facts: dict[str, Any] = {
+        "sieve_analysis_id": one.analysis.id,
+        "packing_test_id": one.test.id,
+        "method": METHOD,
+        "protocol": protocol_text(),
+        "diameter_rule": rule,
+        "diameter_mm": one.diameter,
+        "measured_packing_density": one.measured.packing_density,
+        "friction": result.friction,
+        "friction_low": result.low,
+        "friction_high": result.high,
+        "packing_density": result.packing_density,
+        "input_error": result.input_error,
+        "curve_error": result.curve_error,
+        "warnings": "\n".join([*one.warnings, *result.warnings]) or None,
+    }
+    with target.write() as session:
+        row = None
+        for old in store.calibrations(session, [one.aggregate.id]):
+            same = all(getattr(old, key) == value for key, value in facts.items())
+            if same and {run.specimen_hash for run in old.runs} == digests:
+                row = old
+                break
+        if row is None:
+            evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
+            row = Calibration(
+                aggregate_id=one.aggregate.id, state="done", progress=1.0, finished_at=now(), runs=evidence, **facts
+            )
+            store.add_all(session, [row])
+        return _calibration_report(one.aggregate, row)
+
+
+def _calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
+    result = calibration.Calibrated(
+        friction=float(row.friction or 0.0),
+        low=row.friction_low,
+        high=row.friction_high,
+        packing_density=float(row.packing_density or 0.0),
+        input_error=float(row.input_error or 0.0),
+        curve_error=float(row.curve_error or 0.0),
+        warnings=tuple((row.warnings or "").splitlines()),
+    )
+    return CalibrationReport(
+        aggregate.name, aggregate.id, row.id, row.diameter_mm, row.diameter_rule, row.measured_packing_density,
+        row.packing_test.compaction if row.packing_test else "", result, particle_density(aggregate),
+    )  # fmt: skip

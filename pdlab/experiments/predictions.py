@@ -1,0 +1,199 @@
+"""Predict mixtures from calibrated aggregates, and set predictions beside measurements."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pdlab import mixture, store
+from pdlab.calibration import METHOD
+from pdlab.errors import EngineError, InputError, PdlabError
+from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate, protocol_text
+from pdlab.experiments.readings import measured_mixture
+from pdlab.grading import DEFAULT_RULE
+from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
+from pdlab.specimen import Packing, Specimen
+from pdlab.store import Store
+
+
+@dataclass(frozen=True)
+class PredictionReport:
+    """A mixture's prediction beside its measurement, or the error that stands in its place."""
+
+    mixture: str
+    method: str = METHOD
+    packing_density: float | None = None
+    standard_error: float | None = None
+    input_error: float | None = None
+    expected_error: float | None = None
+    measured: float | None = None
+    measured_error: float | None = None
+    volume_mean: float | None = None
+    seeds: int | None = None
+    state: str = "done"
+    message: str = ""
+    prediction_id: int | None = None
+    error: PdlabError | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """Predicted minus measured packing density."""
+        if self.packing_density is None or self.measured is None:
+            return None
+        return self.packing_density - self.measured
+
+
+@dataclass
+class _Blend:
+    """A mixture on its way to a prediction."""
+
+    row: Mixture
+    parts: list[mixture.Part]
+    calibration_ids: list[int]
+    done: list[Packing] = field(default_factory=list)
+    error: PdlabError | None = None
+
+
+def predict(
+    target: Store,
+    run_all: RunAll,
+    names: Sequence[str] = (),
+    rule: str = DEFAULT_RULE,
+    seeds: int = mixture.SEEDS,
+) -> list[PredictionReport]:
+    """Predict the named mixtures, or all, calibrating their aggregates first where needed.
+
+    Each mixture's error stands in its report. Raises UnknownName.
+    """
+    with target.read() as session:
+        rows = store.mixtures(session, names)
+    if not rows:
+        raise InputError("the store holds no mixture yet; import some, or run 'pdlab demo'")
+    ids = {part.aggregate_id: part.aggregate.name for row in rows for part in row.components}
+    known = {report.aggregate_id: report for report in calibrate(target, run_all, list(ids.values()), rule)}
+    blends = [_open_blend(row, known) for row in rows]
+    _run_blends(blends, run_all, seeds)
+    for blend in blends:
+        if blend.error is None:
+            _save_prediction(target, blend)
+    fresh = {report.mixture: report for report in comparisons(target)}
+    return [
+        fresh[blend.row.name]
+        if blend.error is None
+        else PredictionReport(blend.row.name, state="failed", message=str(blend.error), error=blend.error)
+        for blend in blends
+    ]
+
+
+def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
+    parts, ids = [], []
+    for component in row.components:
+        report = known.get(component.aggregate_id)
+        if report is None:
+            error = InputError(
+                f"mixture '{row.name}' rests on an older delivery of '{component.aggregate.name}'; "
+                "make the mixture anew with the current one"
+            )
+            return _Blend(row, [], [], error=error)
+        if report.result is None or report.calibration_id is None:
+            text = f"aggregate '{report.aggregate}' of mixture '{row.name}' has no friction coefficient: {report.error}"
+            return _Blend(row, [], [], error=type(report.error or InputError())(text))
+        ids.append(report.calibration_id)
+        parts.append(
+            mixture.Part(
+                report.aggregate, component.solid_volume_share, report.diameter, report.result.friction,
+                report.measured, report.result.input_error, report.result.curve_error, report.compaction,
+                report.density,
+            )
+        )  # fmt: skip
+    return _Blend(row, parts, ids)
+
+
+def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
+    """Run all mixtures' beds round by round, more seeds where the error asks for them."""
+    while True:
+        wanted: list[tuple[_Blend, Specimen]] = []
+        for blend in blends:
+            try:
+                if blend.error is None:
+                    wanted += [(blend, bed) for bed in mixture.next_specimens(blend.parts, blend.done, seeds)]
+            except PdlabError as error:
+                blend.error = error
+        if not wanted:
+            return
+        for (blend, _), outcome in zip(wanted, run_all([bed for _, bed in wanted]), strict=True):
+            if isinstance(outcome, EngineError):
+                blend.error = outcome
+            else:
+                blend.done.append(outcome)
+
+
+def _save_prediction(target: Store, blend: _Blend) -> None:
+    """Write a prediction, unless an equal one on the same runs and calibrations is there already."""
+    result = mixture.predict(blend.parts, blend.done)
+    digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
+    facts: dict[str, Any] = {
+        "method": METHOD,
+        "protocol": protocol_text(),
+        "packing_density": result.packing_density,
+        "standard_error": result.standard_error,
+        "input_error": result.input_error,
+        "warnings": "\n".join(result.warnings) or None,
+    }
+    with target.write() as session:
+        for old in store.predictions(session, [blend.row.id]):
+            if (
+                all(getattr(old, key) == value for key, value in facts.items())
+                and {run.specimen_hash for run in old.runs} == digests
+                and {source.calibration_id for source in old.calibrations} == sources
+            ):
+                return
+        row = Prediction(
+            mixture_id=blend.row.id,
+            state="done",
+            progress=1.0,
+            finished_at=now(),
+            runs=[PredictionRun(specimen_hash=digest) for digest in sorted(digests)],
+            calibrations=[PredictionCalibration(calibration_id=source) for source in sorted(sources)],
+            **facts,
+        )
+        store.add_all(session, [row])
+
+
+def comparisons(target: Store) -> list[PredictionReport]:
+    """Return each mixture's newest prediction beside its current measurement, oldest mixture first."""
+    with target.read() as session:
+        newest: dict[int, Prediction] = {}
+        for row in store.predictions(session):
+            newest.setdefault(row.mixture_id, row)
+    reports = [_comparison(newest[key]) for key in sorted(newest)]
+    return [_with_expected_error(report, reports) for report in reports]
+
+
+def _comparison(row: Prediction) -> PredictionReport:
+    measured = measured_mixture(row.mixture)
+    alone = {link.calibration.aggregate_id: link.calibration.measured_packing_density for link in row.calibrations}
+    return PredictionReport(
+        mixture=row.mixture.name,
+        method=row.method,
+        packing_density=row.packing_density,
+        standard_error=row.standard_error,
+        input_error=row.input_error,
+        measured=measured.packing_density if measured else None,
+        measured_error=measured.standard_error if measured else None,
+        volume_mean=math.fsum(part.solid_volume_share * alone[part.aggregate_id] for part in row.mixture.components),
+        seeds=len(row.runs),
+        message=(row.warnings or "").replace("\n", "; "),
+        prediction_id=row.id,
+    )
+
+
+def _with_expected_error(report: PredictionReport, all_reports: Sequence[PredictionReport]) -> PredictionReport:
+    """Add the simulation's error, the inputs' and, from two other comparisons on, their RMS difference."""
+    others = [
+        other.difference
+        for other in all_reports
+        if other.mixture != report.mixture and other.method == report.method and other.difference is not None
+    ]
+    own = math.sqrt(math.fsum(value**2 for value in others) / len(others)) if len(others) >= 2 else 0.0
+    return replace(report, expected_error=math.hypot(report.standard_error or 0.0, report.input_error or 0.0, own))

@@ -1,0 +1,57 @@
+"""What stored rows say: gradings, particle densities, measured packing densities."""
+
+import math
+
+from pdlab import density, grading, store
+from pdlab.density import MeasuredPacking
+from pdlab.grading import Grading, SieveRow, SieveTable
+from pdlab.models import Aggregate, Mixture, PackingTest, SieveAnalysis
+from pdlab.tables import DENSITY_KINDS
+
+
+def sieve_table(analysis: SieveAnalysis) -> SieveTable:
+    """Return a stored sieve analysis as the table it was entered as."""
+    rows = tuple(SieveRow(result.aperture_mm, getattr(result, analysis.kind)) for result in analysis.results)
+    return SieveTable(rows, analysis.kind, analysis.sample_mass_g, analysis.pan_lower_mm)
+
+
+def particle_density(aggregate: Aggregate) -> float | None:
+    """Return an aggregate's oven-dry particle density [kg/m³], None where none was entered."""
+    if aggregate.particle_density_kg_m3 is None or aggregate.density_basis is None:
+        return None
+    return density.oven_dry_density(
+        aggregate.particle_density_kg_m3, aggregate.density_basis, aggregate.water_absorption_percent
+    )
+
+
+def mean_density(blend: Mixture) -> float | None:
+    """Return a mixture's mean particle density by solid volume [kg/m³], None where one is unknown."""
+    known = [(part.solid_volume_share, particle_density(part.aggregate)) for part in blend.components]
+    if any(value is None for _, value in known):
+        return None
+    return math.fsum(share * (value or 0.0) for share, value in known)
+
+
+def measured_test(test: PackingTest, particle: float | None) -> MeasuredPacking:
+    """Return what a density test says of the packing density. Raises DensityError."""
+    kind = next(name for name in DENSITY_KINDS if getattr(test, name) is not None)
+    return density.measured_packing(kind, getattr(test, kind), particle, test.repeats, test.standard_deviation)
+
+
+def measured_aggregate(aggregate: Aggregate) -> MeasuredPacking | None:
+    """Return an aggregate's current measured packing density, None where it was not tested."""
+    test = store.newest_test(aggregate.packing_tests)
+    return None if test is None else measured_test(test, particle_density(aggregate))
+
+
+def measured_mixture(blend: Mixture) -> MeasuredPacking | None:
+    """Return a mixture's current measured packing density, None where it was not tested."""
+    test = store.newest_test(blend.packing_tests)
+    return None if test is None else measured_test(test, mean_density(blend))
+
+
+def current_grading(aggregate: Aggregate) -> Grading | None:
+    """Return an aggregate's current grading, None where it was not sieved."""
+    if not aggregate.sieve_analyses:
+        return None
+    return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]))

@@ -1,0 +1,149 @@
+"""``Lab``: the verbs in Python, with pandas frames in and out."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import pandas as pd
+
+from pdlab import experiments, mixture, store, tables
+from pdlab.batch import Progress, Runner, cores
+from pdlab.calibration import SEEDS
+from pdlab.errors import InputError, PdlabError
+from pdlab.experiments import CalibrationReport, PredictionReport, Registered
+from pdlab.grading import DEFAULT_RULE, equivalent_diameter
+
+SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
+"""Feret's round pebbles in the table format, with their source in the folder above."""
+
+PREDICTION_COLUMNS = (
+    "mixture", "method", "packing_density", "standard_error", "input_error", "expected_error", "measured",
+    "difference", "state", "message",
+)  # fmt: skip
+
+
+class Lab:
+    """A laboratory's store and the simulations for it.
+
+    ``url``: ``sqlite:///FILE`` or a path; else PDLAB_STORE, else pdlab.db in the current folder. A
+    SQLite file that does not exist is made. ``workers``: processes that simulate, one for each core by
+    default; they are spawned, so a script calls Lab under ``if __name__ == "__main__":``. ``progress``
+    is called after every chunk of simulation. Raises StoreError.
+    """
+
+    def __init__(
+        self, url: str | None = None, workers: int | None = None, progress: Callable[[Progress], None] | None = None
+    ) -> None:
+        self.store = store.open_store(url)
+        self.runner = Runner(self.store, workers or cores(), progress)
+
+    def __enter__(self) -> "Lab":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the store."""
+        self.store.close()
+
+    def import_tables(self, path: str | Path) -> Registered:
+        """Import a table or a folder of tables, all or nothing.
+
+        Raises TableError with every problem, each with file, row and column.
+        """
+        return experiments.register(self.store, tables.read_path(Path(path)))
+
+    def calibrate(
+        self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = SEEDS
+    ) -> list[CalibrationReport]:
+        """Calibrate the named aggregates, or all; an aggregate's error stands in its report."""
+        return experiments.calibrate(self.store, self.runner, list(names), rule, seeds)
+
+    def predict_reports(
+        self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = mixture.SEEDS
+    ) -> list[PredictionReport]:
+        """Predict the named mixtures, or all; a mixture's error stands in its report."""
+        return experiments.predict(self.store, self.runner, list(names), rule, seeds)
+
+    def predict(
+        self, mixtures: pd.DataFrame | Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = mixture.SEEDS
+    ) -> pd.DataFrame:
+        """Predict mixtures: the named, all, or those of a frame like mixtures.csv, which are registered.
+
+        The frame returned has a row for each mixture: its packing density [-] with its errors, the
+        measured one and their difference. Raises TableError, UnknownName.
+        """
+        names: list[str]
+        if isinstance(mixtures, pd.DataFrame):
+            experiments.register(self.store, tables.read_frame(mixtures, "mixtures"))
+            names = list(dict.fromkeys(mixtures["mixture"].astype(str).str.strip()))
+        else:
+            names = list(mixtures)
+        return prediction_frame(self.predict_reports(names, rule, seeds))
+
+    def predictions(self) -> pd.DataFrame:
+        """Return each mixture's newest prediction beside its measurement."""
+        return prediction_frame(experiments.comparisons(self.store))
+
+    def aggregates(self) -> pd.DataFrame:
+        """Return the current aggregates: sizes [mm], diameter [mm], measured PD [-], friction [-]."""
+        with self.store.read() as session:
+            rows = store.aggregates(session)
+            newest = {row.aggregate_id: row for row in reversed(store.calibrations(session))}
+        out = []
+        for row in rows:
+            grading, measured, found = experiments.current_grading(row), _measured(row), newest.get(row.id)
+            out.append(
+                {
+                    "aggregate": row.name,
+                    "delivery": row.delivery,
+                    "finest_mm": grading.apertures[-1] if grading else None,
+                    "coarsest_mm": grading.apertures[0] if grading else None,
+                    "diameter_mm": equivalent_diameter(grading) if grading else None,
+                    "packing_density": measured,
+                    "friction": found.friction if found else None,
+                    "friction_low": found.friction_low if found else None,
+                    "friction_high": found.friction_high if found else None,
+                }
+            )
+        return pd.DataFrame(out)
+
+    def mixtures(self) -> pd.DataFrame:
+        """Return the mixtures: a row for each of their aggregates, with its share [-]."""
+        with self.store.read() as session:
+            rows = store.mixtures(session)
+        return pd.DataFrame(
+            [
+                {"mixture": row.name, "aggregate": part.aggregate.name, "solid_volume_share": part.solid_volume_share}
+                for row in rows
+                for part in row.components
+            ]
+        )
+
+    def runs(self) -> pd.DataFrame:
+        """Return the simulated beds, the newest first."""
+        columns = (
+            "specimen_hash", "state", "spheres", "seed", "packing_density", "coordination_number", "steps", "seconds",
+            "rest", "engine_version",
+        )  # fmt: skip
+        with self.store.read() as session:
+            rows = store.runs(session)
+        return pd.DataFrame([{name: getattr(row, name) for name in columns} for row in rows], columns=list(columns))
+
+
+def _measured(row: Any) -> float | None:
+    measured = experiments.measured_aggregate(row)
+    return None if measured is None else measured.packing_density
+
+
+def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:
+    """Return reports as a frame with a row each."""
+    rows = [{name: getattr(report, name) for name in PREDICTION_COLUMNS} for report in reports]
+    return pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS))
+
+
+__all__ = ["SHIPPED", "InputError", "Lab", "PdlabError", "prediction_frame"]

@@ -1,0 +1,115 @@
+"""Proportions → specimens → prediction. This module runs nothing."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pdlab.errors import ProtocolError
+from pdlab.specimen import LOOSE, Component, Packing, Protocol, Specimen, mixed_spheres, with_seeds
+
+SEEDS, MAX_SEEDS, SEED_STEP = 4, 16, 2
+STANDARD_ERROR = 0.003
+"""Standard error over seeds at which no more are run."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """An aggregate in a mixture: its ``share`` of the solid volume and what calibration says of it.
+
+    ``diameter`` [mm]; ``friction`` [-]; ``packing_density`` measured, alone [-]; ``input_error`` and
+    ``curve_error`` of its calibration, in PD [-]; ``density``: oven-dry particle density [kg/m³].
+    """
+
+    aggregate: str
+    share: float
+    diameter: float
+    friction: float
+    packing_density: float
+    input_error: float
+    curve_error: float
+    compaction: str
+    density: float | None = None
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """A mixture's packing density [-] and its errors in PD [-].
+
+    ``standard_error``: of the simulation, seeds and curves. ``input_error``: of the measured PDs.
+    """
+
+    packing_density: float
+    standard_error: float
+    input_error: float
+    seeds: int
+    warnings: tuple[str, ...]
+
+
+def check_compaction(parts: Sequence[Part]) -> None:
+    """Raise ProtocolError when the parts' density tests were compacted in different ways."""
+    # an unstated compaction is simulated as loose, and its calibration says so
+    ways = {"loose" if part.compaction == "unstated" else part.compaction for part in parts}
+    if len(ways) > 1:
+        raise ProtocolError(
+            f"the aggregates were tested {' and '.join(sorted(ways))}; a mixture needs one compaction: "
+            "enter tests of the same kind"
+        )
+
+
+def next_specimens(
+    parts: Sequence[Part],
+    done: Sequence[Packing],
+    seeds: int = SEEDS,
+    wished_error: float = STANDARD_ERROR,
+    protocol: Protocol = LOOSE,
+) -> list[Specimen]:
+    """Return the beds to run next: ``seeds`` at first, then two more until ``wished_error`` [-] is met.
+
+    Never more than the larger of ``seeds`` and 16. Raises ProtocolError, ShareError, SpecimenTooLarge.
+    """
+    check_compaction(parts)
+    if len(done) < seeds:
+        wanted = seeds
+    elif seed_error(done) > wished_error and len(done) < MAX_SEEDS:
+        wanted = min(len(done) + SEED_STEP, MAX_SEEDS)
+    else:
+        return []
+    components = [Component(part.diameter, part.friction, part.share, part.density) for part in parts]
+    return with_seeds(mixed_spheres(components, 1, protocol), range(len(done) + 1, wanted + 1))
+
+
+def seed_error(packings: Sequence[Packing]) -> float:
+    """Return the standard error of the mean PD over seeds; infinite for one."""
+    values = np.array([packing.packing_density for packing in packings])
+    return float(values.std(ddof=1)) / math.sqrt(values.size) if values.size > 1 else math.inf
+
+
+def sensitivities(parts: Sequence[Part], packing_density: float) -> np.ndarray:
+    """Return ∂PD/∂PD_i of the mixture, shape (S,), for carrying the parts' errors.
+
+    Of specific volumes that add up, 1/PD = Σ y_i/PD_i: y_i (PD/PD_i)². It carries errors, nothing else.
+    """
+    shares, alone = (np.array(column) for column in zip(*((p.share, p.packing_density) for p in parts), strict=True))
+    return np.asarray(shares * (packing_density / alone) ** 2)
+
+
+def predict(parts: Sequence[Part], packings: Sequence[Packing]) -> Predicted:
+    """Return the prediction from the runs of a mixture's bed, one for each seed."""
+    mean = float(np.mean([packing.packing_density for packing in packings]))
+    weight = sensitivities(parts, mean)
+    curve_error = float(np.linalg.norm(weight * [part.curve_error for part in parts]))
+    warnings = dict.fromkeys(text for packing in packings for text in packing.warnings)
+    return Predicted(
+        packing_density=mean,
+        standard_error=math.hypot(seed_error(packings), curve_error),
+        input_error=float(np.linalg.norm(weight * [part.input_error for part in parts])),
+        seeds=len(packings),
+        warnings=tuple(warnings),
+    )
+
+
+def volume_mean(parts: Sequence[Part]) -> float:
+    """Return Σ y_i PD_i [-], the mixture's PD if its parts did not fill each other's voids."""
+    return math.fsum(part.share * part.packing_density for part in parts)

@@ -1,0 +1,285 @@
+"""The page: enter an aggregate, see what the store holds, predicted against measured. No physics, no SQL."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+import streamlit as st
+
+from pdlab import charts, density, experiments, store, tables
+from pdlab.errors import InputError, PdlabError, TableError
+from pdlab.grading import Grading, equivalent_diameter, make_grading
+from pdlab.store import Store
+
+KIND_LABELS = {
+    "retained_g": "retained mass [g]", "retained_percent": "retained [%]", "passing_percent": "percent passing [%]",
+}  # fmt: skip
+DENSITY_LABELS = {
+    "bulk_density_kg_m3": "bulk density [kg/m³]", "voids_percent": "voids [%]", "packing_density": "packing density",
+}  # fmt: skip
+BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
+EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
+
+
+@st.cache_resource
+def _open(url: str) -> Store:
+    return store.open_store(url)
+
+
+def main() -> None:
+    """Draw the page."""
+    st.set_page_config(page_title="pdlab", layout="wide")
+    st.title("pdlab: how densely will this mixture pack?")
+    try:
+        target = _open(store.store_url(None))
+    except InputError as error:
+        st.error(str(error))
+        return
+    if saved := st.session_state.pop("saved", None):
+        st.success(saved)
+    compare, enter, shelf = st.tabs(["Predicted against measured", "New aggregate", "Aggregates"])
+    with compare:
+        _comparison(target)
+    with enter:
+        _entry(target)
+    with shelf:
+        _aggregates(target)
+
+
+def _comparison(target: Store) -> None:
+    reports = experiments.comparisons(target)
+    if not reports:
+        st.info(
+            "No predictions yet. Run `pdlab demo` for an example, or `pdlab predict` once the store holds mixtures."
+        )
+        return
+    compared = [report for report in reports if report.difference is not None]
+    left, right = st.columns([3, 2])
+    with left:
+        st.plotly_chart(charts.parity(reports), key="parity")
+        st.caption("Bands: ±0.01 and ±0.02. Bars: expected error of the prediction, standard error of the measurement.")
+    with right:
+        if compared:
+            own = sum(abs(report.difference or 0.0) for report in compared) / len(compared)
+            plain = sum(abs((report.volume_mean or 0.0) - (report.measured or 0.0)) for report in compared) / len(
+                compared
+            )
+            st.metric(f"Mean absolute error over {len(compared)} mixtures", f"{own:.4f}")
+            st.metric("The same for the volume mean of the aggregates", f"{plain:.4f}")
+        warned = [f"{report.mixture}: {report.message}" for report in reports if report.message]
+        for text in warned:
+            st.warning(text)
+    frame = pd.DataFrame(
+        {
+            "mixture": [report.mixture for report in reports],
+            "method": [report.method for report in reports],
+            "predicted PD": [report.packing_density for report in reports],
+            "± simulation": [report.standard_error for report in reports],
+            "± inputs": [report.input_error for report in reports],
+            "± expected": [report.expected_error for report in reports],
+            "measured PD": [report.measured for report in reports],
+            "± measured": [report.measured_error for report in reports],
+            "difference": [report.difference for report in reports],
+        }
+    )
+    numbers = {name: st.column_config.NumberColumn(format="%.4f") for name in frame.columns[2:]}
+    st.dataframe(frame, hide_index=True, column_config=numbers, key="predictions")
+
+
+@dataclass
+class _Entered:
+    """What the form holds, as text, by table."""
+
+    aggregate: dict[str, str]
+    sieves: list[dict[str, str]]
+    test: dict[str, str]
+
+
+def _entry(target: Store) -> None:
+    left, right = st.columns(2)
+    with left:
+        st.subheader("Sieve analysis")
+        name = st.text_input("Name of the aggregate", key="name")
+        delivery = st.text_input("Delivery (empty for the first)", key="delivery")
+        kind = st.selectbox(
+            "The second column holds", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key="kind"
+        )
+        text = st.text_area(
+            "Sieve table: aperture in mm (or pan) and value in each line; type or paste", key="sieves", height=220,
+            placeholder=EXAMPLE,
+        )  # fmt: skip
+        mass = pan = ""
+        if kind == "retained_g":
+            mass = st.text_input("Sample mass [g] (empty when unknown)", key="sample_mass")
+        pan = st.text_input("Smallest grain in the pan [mm] (empty when unknown)", key="pan_lower")
+    with right:
+        sound, sieves = _preview(text, kind, mass, pan)
+    test, aggregate, tested = _density_test()
+    if st.button("Save", type="primary", key="save"):
+        aggregate |= {"name": name, "delivery": delivery}
+        if not name.strip():
+            st.error("the aggregate has no name; enter one")
+        elif not sound or not tested:
+            st.error("not saved: mend what is marked above first")
+        else:
+            extra = {"aggregate": name, "delivery": delivery, "sample_mass_g": mass, "pan_lower_mm": pan}
+            _save(
+                target, _Entered(aggregate, [row | extra for row in sieves], test | {"material": f"aggregate:{name}"})
+            )
+
+
+def _optional(text: str, what: str) -> float | None:
+    try:
+        return tables.number_above_zero(text) if text.strip() else None
+    except InputError as error:
+        raise InputError(f"{what}: {error}") from error
+
+
+def _preview(text: str, kind: str, mass: str, pan: str) -> tuple[bool, list[dict[str, str]]]:
+    """Show what a pasted sieve table says, its errors beside their rows; return whether it is sound."""
+    st.subheader("Grading")
+    if not text.strip():
+        st.caption("The grading curve is drawn here while you type.")
+        return False, []
+    rows = tables.read_pasted(text)
+    try:
+        mass_g, pan_mm = _optional(mass, "sample mass"), _optional(pan, "smallest grain in the pan")
+    except InputError as error:
+        st.error(str(error))
+        return False, []
+    table, rows, whole = tables.check_pasted(rows, kind, mass_g, pan_mm)
+    st.dataframe(
+        pd.DataFrame(
+            {
+                "line": [row.line for row in rows],
+                "entered": [row.text.strip().replace("\t", "  ") for row in rows],
+                "aperture [mm]": ["" if row.row is None else _aperture(row.row.aperture) for row in rows],
+                KIND_LABELS[kind]: ["" if row.row is None else f"{row.row.value:g}" for row in rows],
+                "what is wrong": [row.error or "" for row in rows],
+            }
+        ),
+        hide_index=True, key="parsed", row_height=35,
+    )  # fmt: skip
+    for row in rows:
+        if row.error:
+            st.error(f"line {row.line}: {row.error}")
+    for error_text in whole:
+        st.error(error_text)
+    if table is None:
+        return False, []
+    grading = make_grading(table)
+    for warning in grading.warnings:
+        st.warning(warning)
+    st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
+    st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
+    cells = [row.text for row in rows]
+    return True, [_cells(line, kind) for line in cells]
+
+
+def _aperture(value: float | None) -> str:
+    return "pan" if value is None else f"{value:g}"
+
+
+def _cells(line: str, kind: str) -> dict[str, str]:
+    aperture, value = tables.split_pasted(line)
+    return {"aperture_mm": aperture, kind: value}
+
+
+def _density_test() -> tuple[dict[str, str], dict[str, str], bool]:
+    """Ask for a density test; return its cells, the aggregate's, and whether they are sound or absent."""
+    st.subheader("Density test")
+    first, second, third = st.columns(3)
+    with first:
+        kind = st.selectbox(
+            "Measured", list(DENSITY_LABELS), format_func=DENSITY_LABELS.__getitem__, key="density_kind"
+        )
+        value = st.text_input("Value", key="density_value")
+    with second:
+        compaction = st.selectbox("Compaction", density.COMPACTIONS, key="compaction")
+        repeats = st.text_input("Repeats (empty when unknown)", key="repeats")
+        spread = st.text_input("Standard deviation, in the unit of the value (empty when unknown)", key="spread")
+    with third:
+        particle = st.text_input("Particle density [kg/m³] (needed for a bulk density)", key="particle_density")
+        basis = st.selectbox("Its basis", density.BASES, format_func=BASIS_LABELS.__getitem__, key="basis")
+        absorption = st.text_input("Water absorption [%] (needed unless oven-dry)", key="absorption")
+    aggregate = {
+        "particle_density_kg_m3": particle, "density_basis": basis if particle.strip() else "",
+        "water_absorption_percent": absorption,
+    }  # fmt: skip
+    if not value.strip():
+        return {}, aggregate, True
+    test = {"compaction": compaction, kind: value, "repeats": repeats, "standard_deviation": spread}
+    try:
+        measured = _measured(kind, value, repeats, spread, particle, basis, absorption)
+    except InputError as error:
+        st.error(str(error))
+        return test, aggregate, False
+    left, right = st.columns(2)
+    left.metric("Packing density", f"{measured.packing_density:.4f}")
+    right.metric("Voids [%]", f"{density.voids_percent(measured.packing_density):.1f}")
+    for warning in measured.warnings:
+        st.caption(warning)
+    return test, aggregate, True
+
+
+def _measured(
+    kind: str, value: str, repeats: str, spread: str, particle: str, basis: str, absorption: str
+) -> density.MeasuredPacking:
+    dry = None
+    if particle.strip():
+        wet = tables.parse_number(absorption) if absorption.strip() else None
+        dry = density.oven_dry_density(tables.parse_number(particle), basis, wet)
+    return density.measured_packing(
+        kind, tables.parse_number(value), dry,
+        tables.parse_integer(repeats) if repeats.strip() else None,
+        tables.parse_number(spread) if spread.strip() else None,
+    )  # fmt: skip
+
+
+def _save(target: Store, entered: _Entered) -> None:
+    """Register what was entered: everything, or nothing and every problem."""
+    frames = {"aggregates": pd.DataFrame([entered.aggregate]), "sieves": pd.DataFrame(entered.sieves)}
+    if len(entered.test) > 1:
+        frames["packing_tests"] = pd.DataFrame([entered.test])
+    try:
+        experiments.register(target, tables.read_frames(frames))
+    except TableError as error:
+        for problem in error.problems:
+            st.error(problem.message if problem.column is None else f"{problem.column}: {problem.message}")
+        return
+    except PdlabError as error:
+        st.error(str(error))
+        return
+    st.session_state["saved"] = f"saved: {entered.aggregate['name'].strip()}"
+    st.rerun()
+
+
+def _aggregates(target: Store) -> None:
+    with target.read() as session:
+        rows = store.aggregates(session)
+    if not rows:
+        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+        return
+    gradings: dict[str, Grading] = {}
+    lines = []
+    for row in rows:
+        grading, measured = experiments.current_grading(row), experiments.measured_aggregate(row)
+        if grading is not None:
+            gradings[row.name] = grading
+        lines.append(
+            {
+                "aggregate": row.name,
+                "delivery": row.delivery,
+                "diameter [mm]": equivalent_diameter(grading) if grading else None,
+                "measured PD": measured.packing_density if measured else None,
+                "voids [%]": density.voids_percent(measured.packing_density) if measured else None,
+                "source": row.source,
+            }
+        )
+    st.dataframe(pd.DataFrame(lines), hide_index=True, key="shelf")
+    shown = st.multiselect("Grading curves", list(gradings), default=list(gradings)[:5], key="shown")
+    if shown:
+        st.plotly_chart(charts.grading_curve({name: gradings[name] for name in shown}), key="curves")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,332 @@
+"""Databases, transactions and the only SELECTs.
+
+Two engines stand on one SQLite file: the writer's transactions take the lock when they begin, so that
+writers queue up instead of failing; the reader's do not.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+from alembic import command
+from alembic.config import Config
+from alembic.script import ScriptDirectory
+from sqlalchemy.orm import Session, selectinload
+from sqlalchemy.pool import StaticPool
+
+from pdlab.errors import StoreError, UnknownName
+from pdlab.models import (
+    Aggregate,
+    Calibration,
+    Mixture,
+    MixtureComponent,
+    PackingTest,
+    Prediction,
+    PredictionCalibration,
+    Run,
+    RunState,
+    SieveAnalysis,
+)
+
+DEFAULT_URL = "sqlite:///pdlab.db"
+LOCK_TIMEOUT = 30.0
+"""Seconds that a writer waits for another."""
+
+
+def store_url(given: str | None) -> str:
+    """Return the store's URL: the one given, else PDLAB_STORE, else pdlab.db in this folder.
+
+    A path without a scheme is a SQLite file.
+    """
+    url = given or os.environ.get("PDLAB_STORE") or DEFAULT_URL
+    return url if ":" in url.replace(":\\", "") else f"sqlite:///{url}"
+
+
+def _migrations() -> Config:
+    """Return Alembic's configuration: the migrations lie in the package, in a checkout beside it."""
+    inside = Path(__file__).parent / "migrations"
+    folder = inside if inside.is_dir() else Path(__file__).parent.parent / "migrations"
+    config = Config()
+    config.set_main_option("script_location", str(folder).replace("%", "%%"))
+    return config
+
+
+@dataclass(frozen=True)
+class Store:
+    """A store that is open: ``read`` and ``write`` give a session in one transaction each."""
+
+    url: str
+    reader: sa.Engine | sa.Connection
+    writer: sa.Engine | sa.Connection
+    created: bool = False
+
+    @contextmanager
+    def read(self) -> Iterator[Session]:
+        """Give a session that sees one state of the store; nothing written in it is kept."""
+        with self._session(self.reader) as session:
+            yield session
+
+    @contextmanager
+    def write(self) -> Iterator[Session]:
+        """Give a session whose changes are kept together when the block ends well, else none."""
+        with self._session(self.writer) as session, session.begin():
+            yield session
+
+    @staticmethod
+    def _session(bind: sa.Engine | sa.Connection) -> Session:
+        if isinstance(bind, sa.Connection):  # somebody else's transaction, a test's
+            return Session(bind, join_transaction_mode="create_savepoint", expire_on_commit=False)
+        return Session(bind, expire_on_commit=False)
+
+    def close(self) -> None:
+        """Give the connections back."""
+        for bind in (self.reader, self.writer):
+            if isinstance(bind, sa.Engine):
+                bind.dispose()
+
+
+def _sqlite_engine(url: sa.URL, begin: str, foreign_keys: bool = True) -> sa.Engine:
+    memory = url.database in (None, "", ":memory:")
+    pool: dict[str, Any] = {"poolclass": StaticPool} if memory else {}
+    engine = sa.create_engine(url, connect_args={"timeout": LOCK_TIMEOUT}, **pool)
+
+    @sa.event.listens_for(engine, "connect")
+    def prepare(connection: Any, _: Any) -> None:
+        connection.isolation_level = None  # transactions begin below, not when the driver thinks so
+        if begin == "BEGIN IMMEDIATE" and not memory:
+            connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute(f"PRAGMA foreign_keys={'ON' if foreign_keys else 'OFF'}")
+
+    @sa.event.listens_for(engine, "begin")
+    def start(connection: sa.Connection) -> None:
+        connection.exec_driver_sql(begin)
+
+    return engine
+
+
+def _engine(url: sa.URL, begin: str = "BEGIN", foreign_keys: bool = True) -> sa.Engine:
+    if url.get_backend_name() == "sqlite":
+        return _sqlite_engine(url, begin, foreign_keys)
+    return sa.create_engine(url)
+
+
+def _parse(url: str) -> sa.URL:
+    try:
+        return sa.make_url(url)
+    except sa.exc.ArgumentError as error:
+        raise StoreError(f"'{url}' is no store address; write sqlite:///FILE or a path") from error
+
+
+def open_store(given: str | None = None) -> Store:
+    """Open a store; a SQLite file that does not exist is made by the migrations.
+
+    Raises StoreError for a file that is no store and for a store of an older or newer revision.
+    """
+    url = _parse(store_url(given))
+    if url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:"):
+        engine = _engine(url)
+        migrate(engine)
+        return Store(str(url), engine, engine, created=True)
+    created = _revision(url) is None
+    if created:
+        upgrade(str(url))
+    else:
+        _check_revision(url)
+    name = url.render_as_string(hide_password=False)
+    return Store(name, _engine(url), _engine(url, "BEGIN IMMEDIATE"), created)
+
+
+def upgrade(given: str | None = None) -> tuple[str | None, str]:
+    """Bring a store to the newest revision, making it when it is missing; return before and after.
+
+    All or nothing. Raises StoreError for a file that is no store and for a newer one.
+    """
+    url = _parse(store_url(given))
+    before = _revision(url)
+    if before is not None:
+        _check_revision(url, older_is_fine=True)
+    if before != _head():
+        engine = _engine(url, "BEGIN IMMEDIATE", foreign_keys=False)
+        try:
+            migrate(engine)
+        finally:
+            engine.dispose()
+    return before, _head()
+
+
+def migrate(bind: sa.Engine | sa.Connection) -> None:
+    """Run the migrations on an engine, in one transaction, or on a connection within its own."""
+    config = _migrations()
+    if isinstance(bind, sa.Connection):
+        config.attributes["connection"] = bind
+        command.upgrade(config, "head")
+        return
+    with bind.begin() as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+
+
+def _head() -> str:
+    head = ScriptDirectory.from_config(_migrations()).get_current_head()
+    assert head is not None, "the package lost its migrations"
+    return head
+
+
+def _revision(url: sa.URL) -> str | None:
+    """Return the revision of a store, None where there is none yet. Raises StoreError."""
+    if url.get_backend_name() == "sqlite":
+        path = Path(url.database or "")
+        if not path.exists():
+            if not path.parent.is_dir():
+                raise StoreError(f"the folder of {path} does not exist; make it or choose another --store")
+            return None
+    engine = _engine(url)
+    try:
+        with engine.connect() as connection:
+            names = sa.inspect(connection).get_table_names()
+            if "alembic_version" in names:
+                return connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar_one_or_none()
+    except sa.exc.DatabaseError as error:
+        raise StoreError(
+            f"{url.database} is no pdlab store ({error.orig}); choose another file with --store"
+        ) from error
+    finally:
+        engine.dispose()
+    if names:
+        raise StoreError(
+            f"{url.database} holds other tables ({', '.join(names[:3])}), no pdlab store; "
+            "choose another file with --store"
+        )
+    return None
+
+
+def _check_revision(url: sa.URL, older_is_fine: bool = False) -> None:
+    revision, head = _revision(url), _head()
+    known = {script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions()}
+    if revision not in known:
+        raise StoreError(
+            f"{url.database} is a store of revision {revision}, newer than the {head} of this pdlab; "
+            "install a newer pdlab"
+        )
+    if revision != head and not older_is_fine:
+        raise StoreError(
+            f"{url.database} is a store of revision {revision}, older than the {head} of this pdlab; "
+            "run 'pdlab db upgrade'"
+        )
+
+
+def add_all(session: Session, rows: Sequence[Any]) -> None:
+    """Add rows and give them their keys."""
+    session.add_all(rows)
+    session.flush()
+
+
+def find_aggregate(session: Session, name: str, delivery: str | None = None) -> Aggregate | None:
+    """Return an aggregate's newest delivery, or the one named; None where the store holds none."""
+    query = sa.select(Aggregate).where(Aggregate.name == name).order_by(Aggregate.id.desc())
+    if delivery is not None:
+        query = query.where(Aggregate.delivery == delivery)
+    return session.scalars(query.limit(1)).first()
+
+
+def find_mixture(session: Session, name: str) -> Mixture | None:
+    """Return a mixture by its name; None where the store holds none."""
+    return session.scalars(sa.select(Mixture).where(Mixture.name == name)).first()
+
+
+def aggregates(session: Session, names: Sequence[str] = ()) -> list[Aggregate]:
+    """Return the newest delivery of each aggregate, of all or of the named. Raises UnknownName."""
+    newest = sa.select(sa.func.max(Aggregate.id)).group_by(Aggregate.name)
+    query = (
+        sa.select(Aggregate)
+        .where(Aggregate.id.in_(newest))
+        .options(selectinload(Aggregate.sieve_analyses).selectinload(SieveAnalysis.results))
+        .options(selectinload(Aggregate.packing_tests))
+        .order_by(Aggregate.id)
+    )
+    return _named("aggregate", names, {row.name: row for row in session.scalars(query)})
+
+
+def mixtures(session: Session, names: Sequence[str] = ()) -> list[Mixture]:
+    """Return mixtures with their components, all or the named. Raises UnknownName."""
+    query = (
+        sa.select(Mixture)
+        .options(selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
+        .options(selectinload(Mixture.packing_tests))
+        .order_by(Mixture.id)
+    )
+    return _named("mixture", names, {row.name: row for row in session.scalars(query)})
+
+
+def _named(kind: str, names: Sequence[str], found: dict[str, Any]) -> list[Any]:
+    missing = [name for name in names if name not in found]
+    if missing:
+        known = ", ".join(sorted(found)[:8]) or "none yet"
+        raise UnknownName(
+            f"the store holds no {kind} named {', '.join(repr(name) for name in missing)} "
+            f"(it holds: {known}); import it or correct the name"
+        )
+    return [found[name] for name in (dict.fromkeys(names) or found)]
+
+
+def done_runs(session: Session, digests: Sequence[str]) -> dict[str, Run]:
+    """Return the runs among ``digests`` that are done, by digest."""
+    query = sa.select(Run).where(Run.specimen_hash.in_(digests), Run.state == "done")
+    return {run.specimen_hash: run for run in session.scalars(query)}
+
+
+def save_run(session: Session, run: Run, state: RunState | None) -> None:
+    """Write a run, over an earlier unsuccessful try of the same specimen."""
+    session.merge(run)
+    session.flush()
+    if state is not None:
+        session.merge(state)
+
+
+def runs(session: Session) -> list[Run]:
+    """Return all runs, the newest first."""
+    return list(session.scalars(sa.select(Run).order_by(Run.finished_at.desc(), Run.specimen_hash)))
+
+
+def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:
+    """Return calibrations that are done with their runs, the newest first."""
+    query = (
+        sa.select(Calibration)
+        .where(Calibration.state == "done")
+        .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
+        .options(selectinload(Calibration.aggregate))
+        .order_by(Calibration.id.desc())
+    )
+    if aggregate_ids is not None:
+        query = query.where(Calibration.aggregate_id.in_(aggregate_ids))
+    return list(session.scalars(query))
+
+
+def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:
+    """Return predictions that are done with what they rest on, the newest first."""
+    query = (
+        sa.select(Prediction)
+        .where(Prediction.state == "done")
+        .options(
+            selectinload(Prediction.runs),
+            selectinload(Prediction.calibrations).selectinload(PredictionCalibration.calibration),
+        )
+        .options(selectinload(Prediction.mixture).selectinload(Mixture.packing_tests))
+        .options(
+            selectinload(Prediction.mixture).selectinload(Mixture.components).selectinload(MixtureComponent.aggregate)
+        )
+        .order_by(Prediction.id.desc())
+    )
+    if mixture_ids is not None:
+        query = query.where(Prediction.mixture_id.in_(mixture_ids))
+    return list(session.scalars(query))
+
+
+def newest_test(tests: Sequence[PackingTest]) -> PackingTest | None:
+    """Return the current density test of a material."""
+    return max(tests, key=lambda test: test.id, default=None)

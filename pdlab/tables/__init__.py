@@ -1,0 +1,35 @@
+"""What users bring, text → plain records: one parser for the shell, Python and the page; no SQL."""
+
+from pdlab.tables.cells import ParseError, number_above_zero, parse_integer, parse_number
+from pdlab.tables.files import (
+    DENSITY_KINDS,
+    LAYOUT,
+    MixtureRecord,
+    Row,
+    SieveRecord,
+    Tables,
+    read_frame,
+    read_frames,
+    read_path,
+)
+from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
+
+__all__ = [
+    "DENSITY_KINDS",
+    "LAYOUT",
+    "MixtureRecord",
+    "ParseError",
+    "PastedRow",
+    "Row",
+    "SieveRecord",
+    "Tables",
+    "check_pasted",
+    "number_above_zero",
+    "parse_integer",
+    "parse_number",
+    "read_frame",
+    "read_frames",
+    "read_pasted",
+    "read_path",
+    "split_pasted",
+]
