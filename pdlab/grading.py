@@ -109,6 +109,7 @@ def _check_rows(table: SieveTable) -> list[GradingError]:
 
 
 def _check_order(sieves: list[tuple[int, SieveRow]]) -> list[GradingError]:
+    sieves = [(k, row) for k, row in sieves if (row.aperture or 0.0) > 0.0]  # the others are named already
     apertures = [row.aperture or 0.0 for _, row in sieves]
     rising = len(apertures) > 1 and apertures[-1] > apertures[0]
     for (k, _), before, now in zip(sieves[1:], apertures[:-1], apertures[1:], strict=True):

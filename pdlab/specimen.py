@@ -187,8 +187,9 @@ def mixed_spheres(components: Sequence[Component], seed: int, protocol: Protocol
     counts = [math.ceil(solids * number) for number in per_volume]
     if sum(counts) > MAX_SPHERES:
         raise SpecimenTooLarge(
-            f"this mixture takes {sum(counts):,} spheres, more than the cap of {MAX_SPHERES:,}, because its size "
-            f"ratio is {1.0 / merged[-1].diameter:.3g}; leave the finest aggregate out or raise its share"
+            f"this mixture takes {sum(counts):,} spheres, more than the cap of {MAX_SPHERES:,}: its size ratio is "
+            f"{1.0 / merged[-1].diameter:.3g} and its smallest share {min(part.share for part in merged):.3g}; "
+            "leave the finest aggregate out or raise the smallest share"
         )
     width = MIN_WIDTH * (solids / (MIN_WIDTH**2 * MIN_HEIGHT * DENSEST)) ** (1.0 / 3.0)
     species = (

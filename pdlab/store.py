@@ -177,6 +177,10 @@ def _head() -> str:
     return head
 
 
+def _known_revisions() -> set[str]:
+    return {script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions()}
+
+
 def _revision(url: sa.URL) -> str | None:
     """Return the revision of a store, None where there is none yet. Raises StoreError."""
     if url.get_backend_name() == "sqlite":
@@ -207,8 +211,7 @@ def _revision(url: sa.URL) -> str | None:
 
 def _check_revision(url: sa.URL, older_is_fine: bool = False) -> None:
     revision, head = _revision(url), _head()
-    known = {script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions()}
-    if revision not in known:
+    if revision not in _known_revisions():
         raise StoreError(
             f"{url.database} is a store of revision {revision}, newer than the {head} of this pdlab; "
             "install a newer pdlab"

@@ -47,4 +47,5 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def fingerprint() -> dict[str, str]:
     """Return what beside ``dem.VERSION`` decides the last bits: numba's version and the processor."""
-    return {"numba": numba.__version__, "cpu": binding.get_host_cpu_name()}
+    options: Any = numba.config
+    return {"numba": numba.__version__, "cpu": options.CPU_NAME or binding.get_host_cpu_name()}

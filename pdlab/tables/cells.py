@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from pdlab.errors import InputError
 
-NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 UNITS = ("kg/m³", "kg/m3", "mm", "g", "%")
 
 

@@ -1,0 +1,158 @@
+"""Laws of one contact: the bounce, the slope, the pair's momentum, the energy."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pdlab.dem import contact, simulation
+from pdlab.dem.simulation import Setup, State
+
+
+def make_setup(
+    friction: float = 0.3,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    held: bool = False,
+    restitution: float = 0.5,
+    diameters: tuple[float, ...] = (1.0,),
+) -> Setup:
+    """Undamped spheres with 200 steps in a collision."""
+    n = len(diameters)
+    return Setup(
+        diameter=np.array(diameters),
+        density=np.ones(n),
+        friction=np.full(n, friction),
+        count=np.full(n, 100),
+        width=10.0,
+        seed=1,
+        wall_friction=friction,
+        restitution=restitution,
+        local_damping=0.0,
+        steps_per_collision=200.0,
+        gravity=np.array(gravity),
+        rotation_held=held,
+    )
+
+
+def spheres(setup: Setup, *places: tuple[float, float, float]) -> State:
+    species = np.arange(len(places)) % setup.diameter.size
+    place = np.column_stack([np.array(places), 0.5 * setup.diameter[species]])
+    return simulation.rest_free(place, species)
+
+
+def test_damping_ratio_for_restitution_one_half_is_0_2553() -> None:
+    assert contact.damping_ratio(0.5) == pytest.approx(0.2553, abs=5e-5)
+    assert contact.damping_ratio(1.0) == 0.0
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.5, 0.9])
+def test_a_bounce_on_the_floor_returns_the_restitution(restitution: float) -> None:
+    setup = make_setup(restitution=restitution)
+    state = spheres(setup, (5.0, 5.0, 0.51))
+    state.motion[0, 2] = -0.1
+    after = simulation.march(setup, state, 2000)
+    assert after.place[0, 2] > 0.5
+    assert after.motion[0, 2] == pytest.approx(0.1 * restitution, rel=0.01)
+
+
+@pytest.mark.parametrize("diameters", [(1.0, 1.0), (1.0, 0.4)])
+def test_a_head_on_bounce_of_two_returns_the_restitution(diameters: tuple[float, float]) -> None:
+    setup = make_setup(diameters=diameters)
+    gap = 0.5 * sum(diameters) + 0.01
+    state = spheres(setup, (5.0, 5.0, 5.0), (5.0 + gap, 5.0, 5.0))
+    state.motion[0, 0], state.motion[1, 0] = 0.1, -0.05
+    after = simulation.march(setup, state, 8000)
+    assert after.motion[1, 0] - after.motion[0, 0] == pytest.approx(0.5 * 0.15, rel=0.01)
+
+
+def test_momentum_and_its_moment_of_a_free_pair_are_conserved() -> None:
+    setup = make_setup(friction=0.2, diameters=(1.0, 0.5))
+    state = spheres(setup, (5.0, 5.0, 5.0), (5.76, 5.1, 5.05))
+    state.motion[0, :3], state.motion[0, 4:7] = (0.2, 0.05, -0.1), (0.3, -1.0, 0.7)
+    state.motion[1, :3] = (-0.3, 0.1, 0.02)
+    after = simulation.march(setup, state, 3000)
+    assert np.abs(after.motion[0, :3] - state.motion[0, :3]).max() > 0.01  # they did meet
+    mass = setup.body[state.species, 0][:, None]
+    np.testing.assert_allclose((mass * after.motion[:, :3]).sum(0), (mass * state.motion[:, :3]).sum(0), atol=1e-14)
+
+    def moment(now: State) -> np.ndarray:
+        spin = now.motion[:, 4:7] / setup.body[now.species, 1][:, None]
+        return np.asarray((mass * np.cross(now.place[:, :3], now.motion[:, :3]) + spin).sum(0))
+
+    # the lever is the radius, not the radius less half the overlap, hence the tolerance
+    np.testing.assert_allclose(moment(after), moment(state), atol=2e-3)
+
+
+def slope(tangent: float) -> tuple[float, float, float]:
+    angle = math.atan(tangent)
+    return math.sin(angle), 0.0, -math.cos(angle)
+
+
+def settled_on_slope(setup: Setup) -> State:
+    """A sphere that lies in the floor as deep as its weight presses it."""
+    depth = -setup.gravity[2] * setup.mass[0] / setup.laws[1][0, contact.KN]
+    return spheres(setup, (5.0, 5.0, 0.5 - float(depth)))
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+def test_a_sphere_that_cannot_rotate_slides_above_tan_phi_equal_mu(friction: float) -> None:
+    for factor, slides in ((0.95, False), (1.05, True)):
+        setup = make_setup(friction, slope(factor * friction), held=True)
+        after = simulation.march(setup, settled_on_slope(setup), 20_000)
+        time = after.steps * setup.time_step
+        wanted = (setup.gravity[0] + friction * setup.gravity[2]) * time if slides else 0.0
+        assert after.motion[0, 0] == pytest.approx(wanted, abs=0.02 * setup.gravity[0] * time)
+
+
+def test_a_free_sphere_rolls_at_once_and_slips_above_tan_phi_equal_seven_halves_mu() -> None:
+    for factor, slips in ((0.95, False), (1.05, True)):
+        setup = make_setup(0.1, slope(factor * 0.35))
+        after = simulation.march(setup, settled_on_slope(setup), 20_000)
+        speed, spin = after.motion[0, 0], 0.5 * after.motion[0, 5]
+        time = after.steps * setup.time_step
+        if slips:
+            assert speed == pytest.approx((setup.gravity[0] + 0.1 * setup.gravity[2]) * time, rel=0.01)
+            assert spin < 0.98 * speed
+        else:
+            assert speed == pytest.approx(5.0 / 7.0 * setup.gravity[0] * time, rel=0.01)
+            assert spin == pytest.approx(speed, rel=0.01)
+
+
+def energy(setup: Setup, state: State) -> float:
+    """Kinetic, potential and elastic energy, springs of slip included."""
+    from pdlab.dem import integrator
+
+    total = float(integrator.kinetic_energy(state.motion, state.species, setup.body))
+    total -= float((setup.body[state.species, 0] * (state.place[:, :3] @ setup.gravity)).sum())
+    pair, floor = setup.laws
+    owner = np.repeat(np.arange(len(state.place)), np.diff(state.first))
+    for i, j, slip in zip(owner, state.neighbor, state.spring, strict=True):
+        apart = state.place[i, :3] - state.place[j, :3]
+        apart[:2] -= setup.width * np.round(apart[:2] / setup.width)
+        delta = max(state.place[i, 3] + state.place[j, 3] - float(np.linalg.norm(apart)), 0.0)
+        law = pair[state.species[i], state.species[j]]
+        total += 0.5 * law[contact.KN] * delta**2 + 0.5 * law[contact.KT] * float(slip @ slip)
+    delta = np.maximum(state.place[:, 3] - state.place[:, 2], 0.0)
+    total += float((0.5 * floor[state.species, contact.KN] * delta**2).sum())
+    return total + float((0.5 * floor[state.species, contact.KT] * (state.floor_spring**2).sum(1)).sum())
+
+
+def test_energy_never_grows_in_a_falling_bed_without_local_damping() -> None:
+    setup = Setup(
+        np.array([1.0, 0.6]), np.ones(2), np.array([0.3, 0.5]), np.array([30, 60]), 5.0, 3, 0.3,
+        local_damping=0.0, steps_per_collision=100.0,
+    )  # fmt: skip
+    state = simulation.start(setup)
+    values = [energy(setup, state)]
+    for _ in range(60):
+        state = simulation.march(setup, state, 500)
+        values.append(energy(setup, state))
+    scale = values[0]
+    assert values[-1] < 0.7 * scale
+    assert np.diff(values).max() < 1e-3 * scale
+
+
+def test_a_normal_force_never_pulls() -> None:
+    out = contact.contact_force(0.001, 0, 0, 1, 0, 0, 5.0, 0, 0, 0, 100.0, 10.0, 30.0, 5.0, 0.3, 1e-3)
+    assert out[0] == 0.0
+    assert out[1:4] == (0.0, 0.0, 0.0)

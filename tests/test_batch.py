@@ -1,0 +1,134 @@
+"""The runner with the real engine and real processes, on small beds."""
+
+import io
+import os
+import sqlite3
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sqlalchemy as sa
+
+from pdlab import batch, packing
+from pdlab.batch import Progress, Runner
+from pdlab.errors import NotAtRest, WorkersLost
+from pdlab.models import Run, RunState
+from pdlab.specimen import Packing, Species, Specimen, with_seeds
+from pdlab.store import Store, open_store
+
+SMALL = Specimen((Species(1.0, 0.3, 100),), 4.0, 1)
+TRIO = with_seeds(SMALL, [1, 2, 3])
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Store:
+    return open_store(str(tmp_path / "lab.db"))
+
+
+def threads(workers: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(workers)
+
+
+def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(target: Store, tmp_path: Path) -> None:
+    shown: list[Progress] = []
+    runner = Runner(target, 2, shown.append)
+    out = runner([*TRIO, TRIO[0]])
+    assert runner.simulated == 3
+    assert out[0] == out[3]
+    here = packing.advance(TRIO[1], None, 10**9)
+    assert isinstance(out[1], Packing)
+    assert out[1].packing_density == packing.measure(TRIO[1], here, 0.0).packing_density
+    with target.read() as session:
+        state = session.get(RunState, out[1].digest)
+    assert state is not None
+    assert np.array_equal(np.load(io.BytesIO(state.archive))["place"], here.place)
+    assert shown[-1] == Progress(3, 0, 3, 1.0)
+    assert [progress.share for progress in shown] == sorted(progress.share for progress in shown)
+
+
+def test_a_run_in_the_store_is_read_and_a_deleted_one_repeated_with_the_same_result(
+    target: Store, tmp_path: Path
+) -> None:
+    first = Runner(target, 1, make_pool=threads)(TRIO)
+    again = Runner(target, 1, make_pool=threads)
+    assert again(TRIO) == first
+    assert (again.simulated, again.read) == (0, 3)
+    assert isinstance(first[1], Packing)
+    with sqlite3.connect(tmp_path / "lab.db") as connection:
+        connection.execute("DELETE FROM run WHERE specimen_hash = ?", (first[1].digest,))
+    third = Runner(target, 1, make_pool=threads)
+    repeated = third(TRIO)
+    assert (third.simulated, third.read) == (1, 2)
+    assert isinstance(repeated[1], Packing)
+    assert replace(repeated[1], seconds=0.0) == replace(first[1], seconds=0.0)
+
+
+def test_short_chunks_change_no_result(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = packing.measure(SMALL, packing.advance(SMALL, None, 10**9), 0.0)
+    monkeypatch.setattr(batch, "CHUNK", 37_000)
+    cut = Runner(target, 1, make_pool=threads)([SMALL])[0]
+    assert isinstance(cut, Packing)
+    assert replace(cut, seconds=0.0) == whole
+
+
+def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
+    target: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = packing.advance
+
+    def advance(specimen: Specimen, state: packing.State | None, steps: int) -> packing.State:
+        if specimen.seed == 2 and state is not None:
+            raise NotAtRest("the bed still moves")
+        return real(specimen, state, steps)
+
+    monkeypatch.setattr(packing, "advance", advance)
+    monkeypatch.setattr(batch, "CHUNK", 100_000)
+    good, bad, other = Runner(target, 1, make_pool=threads)(TRIO)
+    assert isinstance(good, Packing)
+    assert isinstance(other, Packing)
+    assert isinstance(bad, NotAtRest)
+    with target.read() as session:
+        failed = session.scalars(sa.select(Run).where(Run.state == "failed")).one()
+        assert failed.error == "the bed still moves"
+        assert session.get(RunState, failed.specimen_hash) is not None
+    monkeypatch.setattr(packing, "advance", real)
+    repeated = Runner(target, 1, make_pool=threads)(TRIO)  # a failure is tried again
+    assert isinstance(repeated[1], Packing)
+
+
+def dies_once(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:
+    """Kill the first worker process that works on seed 2."""
+    mark = Path(os.environ["PDLAB_TEST_MARK"])
+    if specimen.seed == 2 and not mark.exists():
+        mark.touch()
+        os._exit(9)
+    return batch_advance(specimen, state, steps)
+
+
+batch_advance = batch.advance
+
+
+def dies(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:
+    """Kill the worker process."""
+    os._exit(9)
+
+
+def test_a_worker_that_dies_costs_a_chunk_and_no_result(
+    target: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PDLAB_TEST_MARK", str(tmp_path / "mark"))
+    monkeypatch.setattr(batch, "advance", dies_once)
+    runner = Runner(target, 2)
+    assert all(isinstance(outcome, Packing) for outcome in runner(TRIO))
+    assert (tmp_path / "mark").exists()
+    assert runner.simulated == 3
+
+
+def test_workers_that_die_again_and_again_end_with_a_named_error(
+    target: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch, "advance", dies)
+    with pytest.raises(WorkersLost, match="3 pools of worker processes died"):
+        Runner(target, 1)(TRIO[:1])

@@ -1,0 +1,87 @@
+"""The curve PD(μ), the nodes it asks for, the friction it gives."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import formula_density, formula_packing
+
+from pdlab import calibration
+from pdlab.calibration import NODES, Curve, CurvePoint
+from pdlab.density import MeasuredPacking
+from pdlab.errors import OutOfReach
+from pdlab.specimen import Packing
+
+
+def calibrate(value: float, error: float = 0.005, noise: float = 0.0) -> tuple[calibration.Calibrated, set[float]]:
+    """Run the search with an engine that answers by a formula."""
+    nodes: dict[float, list[Packing]] = {}
+    measured = MeasuredPacking(value, error)
+    for _ in range(20):
+        wanted = calibration.missing_nodes(measured, calibration.curve(nodes) if nodes else None)
+        if not wanted:
+            return calibration.solve(measured, calibration.curve(nodes)), set(nodes)
+        assert not wanted & set(nodes)
+        for node in wanted:
+            nodes[node] = [formula_packing(bed, noise) for bed in calibration.node_specimens(node)]
+    raise AssertionError("the search does not end")
+
+
+@pytest.mark.parametrize("friction", [0.01, 0.03, 0.08, 0.2, 0.27, 0.4, 0.8])
+def test_a_known_law_gives_its_friction_back(friction: float) -> None:
+    value = formula_density(friction)
+    found, _ = calibrate(value, 0.002)
+    assert formula_density(found.friction) == pytest.approx(value, abs=0.001)
+    assert found.packing_density == pytest.approx(value, abs=1e-4)
+
+
+def test_the_interval_is_where_the_curve_meets_the_measured_plus_and_minus_its_error() -> None:
+    found, _ = calibrate(0.585, 0.005)
+    assert found.low is not None
+    assert found.high is not None
+    assert found.low < found.friction < found.high
+    assert formula_density(found.low) == pytest.approx(0.590, abs=0.001)
+    assert formula_density(found.high) == pytest.approx(0.580, abs=0.001)
+
+
+def test_an_interval_that_passes_the_end_is_open() -> None:
+    loose, _ = calibrate(formula_density(1.0) + 0.002)
+    dense, _ = calibrate(formula_density(0.0) - 0.002)
+    assert loose.high is None
+    assert loose.low is not None
+    assert dense.low is None
+    assert dense.high is not None
+
+
+@pytest.mark.parametrize(("value", "end"), [(0.47, "looser"), (0.66, "denser")])
+def test_a_density_out_of_reach_is_refused_with_the_interval_and_a_remedy(value: float, end: str) -> None:
+    with pytest.raises(OutOfReach, match=rf"density {value} is out of reach of 'monosized', .* {end} than"):
+        calibrate(value)
+
+
+def test_a_density_just_beyond_the_end_takes_the_end_with_a_warning() -> None:
+    found, _ = calibrate(formula_density(1.0) - 0.006, 0.005, noise=0.001)
+    assert found.friction == 1.0
+    assert "beyond the loosest bed" in found.warnings[0]
+
+
+def test_only_nodes_that_enclose_the_density_are_run() -> None:
+    _, nodes = calibrate(0.577, 0.002)
+    assert nodes <= set(NODES)
+    assert len(nodes) <= 3
+
+
+def test_noise_that_makes_the_curve_rise_is_taken_out_and_never_splits_the_answer() -> None:
+    points = [(0.0, 0.64), (0.1, 0.60), (0.2, 0.602), (0.5, 0.56), (1.0, 0.55)]
+    curve = Curve(tuple(CurvePoint(mu, pd, 0.003, 4) for mu, pd in points))
+    assert (np.diff(curve.monotone()) <= 0.0).all()
+    values = [curve.at(mu) for mu in np.linspace(0.0, 1.0, 200)]
+    assert (np.diff(values) <= 1e-12).all()
+    assert 0.1 <= curve.friction_at(0.601) <= 0.2
+
+
+def test_the_curve_error_is_the_pooled_deviation_over_the_root_of_the_seeds() -> None:
+    curve = Curve((CurvePoint(0.1, 0.60, 0.002, 4), CurvePoint(0.2, 0.59, 0.004, 4)))
+    pooled = math.sqrt((0.002**2 + 0.004**2) / 2.0)
+    assert curve.error_at(0.1) == pytest.approx(pooled / 2.0)
+    assert curve.error_at(0.15) < curve.error_at(0.1)

@@ -1,0 +1,23 @@
+"""Figures hold what they were given."""
+
+from pdlab import charts
+from pdlab.experiments import PredictionReport
+from pdlab.grading import SieveRow, SieveTable, make_grading
+
+
+def test_a_grading_curve_has_the_sieves_as_ticks_on_a_log_axis() -> None:
+    rows = (SieveRow(16.0, 0.0), SieveRow(8.0, 30.0), SieveRow(4.0, 70.0))
+    figure = charts.grading_curve({"<b>A</b>": make_grading(SieveTable(rows, "retained_g"))})
+    assert figure.layout.xaxis.type == "log"
+    assert list(figure.layout.xaxis.ticktext) == ["4", "8", "16"]
+    assert [round(value, 9) for value in figure.data[0].y] == [100.0, 70.0, 0.0]
+    assert "<b>" not in figure.data[0].hovertemplate
+
+
+def test_a_parity_chart_has_both_errors_and_one_range() -> None:
+    report = PredictionReport("M", packing_density=0.66, expected_error=0.01, measured=0.65, measured_error=0.005)
+    figure = charts.parity([report, PredictionReport("without a measurement", packing_density=0.6)])
+    points = figure.data[-1]
+    assert (list(points.x), list(points.y)) == ([0.65], [0.66])
+    assert (list(points.error_x.array), list(points.error_y.array)) == ([0.005], [0.01])
+    assert figure.layout.xaxis.range == figure.layout.yaxis.range

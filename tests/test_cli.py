@@ -1,0 +1,120 @@
+"""The verbs in the shell: what they print, where, and their exit codes."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from pdlab import Lab
+from pdlab.batch import Runner
+from pdlab.lab import SHIPPED
+
+Folder = Callable[..., Path]
+
+
+def pdlab(*arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pdlab.cli", *arguments], check=False, cwd=folder, capture_output=True, text=True,
+        encoding="utf-8", env={**os.environ, "PYTHONIOENCODING": "utf-8", "COLUMNS": "140", **environment},
+    )  # fmt: skip
+
+
+def refused(done: subprocess.CompletedProcess[str], *sentences: str) -> None:
+    assert done.returncode == 2, done
+    assert "Traceback" not in done.stderr
+    for sentence in sentences:
+        assert sentence in done.stderr
+
+
+def test_version_and_help(tmp_path: Path) -> None:
+    assert pdlab("--version", folder=tmp_path).stdout.startswith("pdlab 0.")
+    text = pdlab("--help", folder=tmp_path).stdout
+    for verb in ("demo", "import", "calibrate", "predict", "ls", "serve", "db"):
+        assert verb in text
+    assert not list(tmp_path.iterdir())
+
+
+def test_import_makes_the_store_says_so_and_lists(tmp_path: Path) -> None:
+    done = pdlab("import", str(SHIPPED), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "made a new store: sqlite:///pdlab.db" in done.stdout
+    assert "imported 3 aggregates, 3 sieve analyses, 6 density tests, 3 mixtures" in done.stdout
+    assert "nothing new; 15 equal" in pdlab("import", str(SHIPPED), folder=tmp_path).stdout
+    assert "pebbles L" in pdlab("ls", folder=tmp_path).stdout
+    assert "pebbles L+F 1:1" in pdlab("ls", "mixtures", folder=tmp_path).stdout
+    assert "no runs yet" in pdlab("ls", "runs", folder=tmp_path).stdout
+    assert "already at revision" in pdlab("db", "upgrade", folder=tmp_path).stdout
+
+
+def test_the_store_comes_from_the_option_else_the_environment(tmp_path: Path) -> None:
+    pdlab("db", "upgrade", folder=tmp_path, PDLAB_STORE="sqlite:///one.db")
+    pdlab("db", "upgrade", "--store", "two.db", folder=tmp_path, PDLAB_STORE="sqlite:///one.db")
+    assert sorted(path.name for path in tmp_path.glob("*.db")) == ["one.db", "two.db"]
+
+
+def test_bad_tables_are_refused_with_every_problem_and_nothing_is_kept(tmp_path: Path, folder: Folder) -> None:
+    path = folder(aggregates="name\nA\n", sieves="aggregate,aperture_mm,retained_g\nA,16,abc\nB,8,0\nB,8,5\n")
+    done = pdlab("import", str(path), folder=tmp_path)
+    refused(done, "sieves.csv, row 2, column retained_g: 'abc' is no number", "sieves.csv, row 4", "already stands")
+    assert "no aggregates yet" in pdlab("ls", folder=tmp_path).stdout
+
+
+def test_what_the_user_can_mend_ends_with_exit_code_2_and_one_sentence(tmp_path: Path) -> None:
+    refused(pdlab("calibrate", folder=tmp_path), "the store holds no aggregate yet")
+    pdlab("import", str(SHIPPED), folder=tmp_path)
+    refused(pdlab("calibrate", "gravel", folder=tmp_path), "the store holds no aggregate named 'gravel'")
+    refused(pdlab("predict", "gravel", folder=tmp_path), "the store holds no mixture named 'gravel'")
+    refused(pdlab("calibrate", "--rule", "mean", folder=tmp_path), "'mean' is no diameter rule")
+    refused(pdlab("predict", "--method", "magic", folder=tmp_path), "'magic' is no method")
+    refused(pdlab("predict", "-o", "gone/out.csv", folder=tmp_path), "does not exist")
+    refused(pdlab("ls", "stones", folder=tmp_path), "'stones' cannot be listed")
+    refused(pdlab("import", "gone", folder=tmp_path), "no such file or folder")
+    refused(pdlab("ls", "--store", str(SHIPPED / "sieves.csv"), folder=tmp_path), "is no pdlab store")
+    refused(pdlab("ls", "--store", "gone/lab.db", folder=tmp_path), "does not exist")
+
+
+@pytest.fixture(scope="module")
+def small_lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store in which every run that the pebbles need is there, by a formula."""
+    from conftest import FormulaRunner
+
+    from pdlab import experiments
+
+    folder = tmp_path_factory.mktemp("lab")
+    with Lab(str(folder / "pdlab.db")) as lab:
+        lab.import_tables(SHIPPED)
+        experiments.predict(lab.store, FormulaRunner(lab.store))
+    return folder
+
+
+def test_calibrate_and_predict_print_tables_and_write_csv(small_lab: Path) -> None:
+    done = pdlab("calibrate", folder=small_lab)
+    assert done.returncode == 0, done.stderr
+    assert "friction μ" in done.stdout
+    assert "note: pebbles L, pebbles M, pebbles F: the density test's compaction is not stated" in done.stdout
+    done = pdlab("predict", "-o", "out.csv", folder=small_lab)
+    assert done.returncode == 0, done.stderr
+    assert "mean absolute error over 3 mixtures" in done.stdout
+    frame = pd.read_csv(small_lab / "out.csv")
+    assert list(frame["mixture"]) == ["pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"]
+    assert (frame["difference"] - (frame["packing_density"] - frame["measured"])).abs().max() < 1e-12
+    assert "pebbles L+F 1:1" in pdlab("ls", "predictions", folder=small_lab).stdout
+
+
+def test_lab_predicts_a_frame_of_mixtures(small_lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from conftest import FormulaRunner
+
+    frame = pd.DataFrame(
+        {"mixture": ["new"] * 2, "aggregate": ["pebbles L", "pebbles F"], "solid_volume_share": ["0,7", "0,3"]}
+    )
+    with Lab(str(small_lab / "pdlab.db")) as lab:
+        assert isinstance(lab.runner, Runner)
+        monkeypatch.setattr(lab, "runner", FormulaRunner(lab.store))
+        out = lab.predict(frame)
+        assert list(out["mixture"]) == ["new"]
+        assert 0.5 < out["packing_density"][0] < 0.75
+        assert set(lab.aggregates()["friction"].notna()) == {True}

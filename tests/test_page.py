@@ -1,0 +1,151 @@
+"""The page by AppTest: what is typed is parsed, checked beside its row, and kept whole or not at all."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import streamlit as st
+from conftest import FormulaRunner
+from streamlit.testing.v1 import AppTest
+
+from pdlab import experiments
+from pdlab import store as store_module
+from pdlab.lab import SHIPPED
+from pdlab.store import Store, open_store
+from pdlab.tables import read_path
+
+PAGE = Path(store_module.__file__).with_name("page.py")
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+    url = f"sqlite:///{tmp_path / 'lab.db'}"
+    monkeypatch.setenv("PDLAB_STORE", url)
+    st.cache_resource.clear()
+    opened = open_store(url)
+    yield opened
+    opened.close()
+
+
+def page() -> AppTest:
+    app = AppTest.from_file(str(PAGE), default_timeout=60)
+    app.run()
+    assert not app.exception
+    return app
+
+
+def type_in(app: AppTest, **texts: str) -> AppTest:
+    for key, text in texts.items():
+        widget = app.text_area(key=key) if key == "sieves" else app.text_input(key=key)
+        widget.set_value(text)
+    app.run()
+    assert not app.exception
+    return app
+
+
+def save(app: AppTest) -> AppTest:
+    app.button(key="save").click().run()
+    assert not app.exception
+    return app
+
+
+def stored(lab: Store) -> list[str]:
+    with lab.read() as session:
+        return [row.name for row in store_module.aggregates(session)]
+
+
+def test_an_empty_store_greets_with_the_first_step(lab: Store) -> None:
+    app = page()
+    assert any("pdlab demo" in info.value for info in app.info)
+
+
+def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> None:
+    app = type_in(page(), name="Gravel 4/16", sieves="31,5\t0\n16\t120,5\n8\t800\n4\t79,5", sample_mass="1000")
+    app.selectbox(key="compaction").set_value("loose")
+    type_in(app, density_value="1560,5", particle_density="2601", repeats="3", spread="10,0")
+    assert [metric.value for metric in app.metric] == ["0.6000", "40.0"]
+    save(app)
+    assert any("saved: Gravel 4/16" in message.value for message in app.success)
+    with lab.read() as session:
+        row = store_module.aggregates(session)[0]
+    results = row.sieve_analyses[0].results
+    assert [(result.aperture_mm, result.retained_g) for result in results] == [
+        (31.5, 0.0), (16.0, 120.5), (8.0, 800.0), (4.0, 79.5),
+    ]  # fmt: skip
+    assert results[0].raw_text == "31,5\t0"
+    assert row.packing_tests[0].bulk_density_kg_m3 == 1560.5
+    assert row.packing_tests[0].repeats == 3
+
+
+def test_every_error_stands_beside_its_row_and_nothing_is_saved(lab: Store) -> None:
+    app = type_in(page(), name="Gravel", sieves="31,5 0\nsixteen 120\n8 80 4")
+    parsed = app.dataframe[0].value
+    assert list(parsed["what is wrong"].str.slice(0, 25)) == [
+        "",
+        "'sixteen' is no number; w",
+        "3 values in this line; wr",
+    ]
+    assert [error.value[:7] for error in app.error] == ["line 2:", "line 3:"]
+    save(app)
+    assert any("not saved" in error.value for error in app.error)
+    assert stored(lab) == []
+
+
+@pytest.mark.parametrize(
+    ("sieves", "mass", "message"),
+    [
+        ("16 0\n8 5\n8 5", "", "line 3: aperture 8 mm already stands in row 2"),
+        ("16 0\n-8 5", "", "line 2: aperture -8 mm must be above 0"),
+        ("16 5\n8 5", "", "line 1: 50 % lie on the coarsest sieve"),
+        ("16 0\n8 95", "100", "off the sample mass of 100 g"),
+        ("16 0\n8 95", "much", "sample mass: 'much' is no number"),
+        ("16 0\n8 80\npan 20", "", "line 3: 20 % fell into the pan"),
+    ],
+)
+def test_a_table_that_is_no_grading_is_named(lab: Store, sieves: str, mass: str, message: str) -> None:
+    app = type_in(page(), name="G", sieves=sieves, sample_mass=mass)
+    assert any(message in error.value for error in app.error), [error.value for error in app.error]
+    assert stored(save_and_get(app, lab)) == []
+
+
+def save_and_get(app: AppTest, lab: Store) -> Store:
+    save(app)
+    return lab
+
+
+def test_a_density_outside_0_and_1_is_named(lab: Store) -> None:
+    app = type_in(page(), name="G", sieves="16 0\n8 100", density_value="2700", particle_density="2600")
+    assert any("outside (0, 1)" in error.value for error in app.error)
+    assert stored(save_and_get(app, lab)) == []
+
+
+def test_an_aggregate_without_a_name_is_refused(lab: Store) -> None:
+    app = save(type_in(page(), sieves="16 0\n8 100"))
+    assert any("has no name" in error.value for error in app.error)
+
+
+def test_a_name_with_other_values_is_refused_with_the_remedy(lab: Store) -> None:
+    save(type_in(page(), name="G", sieves="16 0\n8 100", particle_density="2600"))
+    app = save(type_in(page(), name="G", sieves="16 0\n8 100", particle_density="2700"))
+    assert any("give a new delivery its own name" in error.value for error in app.error)
+
+
+def test_the_store_s_mixtures_stand_predicted_against_measured(lab: Store) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    experiments.predict(lab, FormulaRunner(lab))
+    app = page()
+    frame: pd.DataFrame = next(block.value for block in app.dataframe if "mixture" in block.value)
+    assert list(frame["mixture"]) == ["pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"]
+    assert (frame["± expected"] > 0.0).all()
+    assert list(frame["measured PD"].round(3)) == [0.642, 0.644, 0.621]
+    assert len(app.metric) == 2
+
+
+def test_a_store_that_cannot_be_opened_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("no store at all" * 100)
+    monkeypatch.setenv("PDLAB_STORE", f"sqlite:///{file}")
+    st.cache_resource.clear()
+    app = page()
+    assert "is no pdlab store" in app.error[0].value

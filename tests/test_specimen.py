@@ -1,0 +1,78 @@
+"""What is to be run: planning, the grid, the canonical form and its hash."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from pdlab.errors import ProtocolError, ShareError, SpecimenTooLarge
+from pdlab.specimen import Component, Protocol, equal_spheres, mixed_spheres, on_grid
+
+
+def test_equal_aggregates_of_any_size_are_one_specimen() -> None:
+    small = mixed_spheres([Component(3.0, 0.30001, 1.0)], 1)
+    large = mixed_spheres([Component(30.0, 0.29999, 1.0)], 1)
+    assert small == large == equal_spheres(0.3, 1)
+    assert small.digest(1) == large.digest(1)
+
+
+def test_the_order_of_components_does_not_change_the_hash() -> None:
+    parts = [Component(40.0, 0.1, 0.3), Component(10.0, 0.4, 0.7)]
+    assert mixed_spheres(parts, 1).digest(1) == mixed_spheres(parts[::-1], 1).digest(1)
+
+
+def test_seed_protocol_and_engine_version_change_the_hash() -> None:
+    bed = equal_spheres(0.3, 1)
+    others = [replace(bed, seed=2), equal_spheres(0.3, 1, Protocol(local_damping=0.0)), equal_spheres(0.3001, 1)]
+    digests = [bed.digest(1), bed.digest(2), *(other.digest(1) for other in others)]
+    assert len(set(digests)) == 5
+
+
+def test_the_canonical_form_names_all_that_decides_a_run() -> None:
+    content = json.loads(equal_spheres(0.3, 7).canonical(4))
+    assert content["engine_version"] == 4
+    assert content["seed"] == 7
+    assert content["species"] == [{"diameter": 1.0, "friction": 0.3, "count": 2500, "density": 1.0}]
+    assert content["protocol"]["wall_friction"] == 0.3
+    assert content["width"] == 10.0
+
+
+@pytest.mark.parametrize(("value", "grid"), [(0.123456, 0.1235), (0.0, 0.0), (12.3456, 12.35), (1.0, 1.0)])
+def test_the_grid_has_four_significant_digits(value: float, grid: float) -> None:
+    assert on_grid(value) == grid
+
+
+@pytest.mark.parametrize("ratio", [1.2, 2.0, 3.5, 4.5])
+@pytest.mark.parametrize("share", [0.15, 0.5, 0.85])
+def test_a_mixture_meets_width_height_counts_and_shares(ratio: float, share: float) -> None:
+    bed = mixed_spheres([Component(ratio, 0.2, share), Component(1.0, 0.4, 1.0 - share)], 1)
+    solids = sum(kind.count * kind.diameter**3 for kind in bed.species) * 3.14159265 / 6.0
+    assert bed.width >= 5.0
+    assert solids / bed.width**2 / 0.74 >= 10.0
+    assert min(kind.count for kind in bed.species) >= 150
+    assert bed.spheres >= 2500
+    assert bed.shares == pytest.approx((share, 1.0 - share), abs=0.004)
+
+
+def test_too_many_spheres_are_refused_with_their_number() -> None:
+    with pytest.raises(SpecimenTooLarge, match=r"takes [\d,]+ spheres, more than the cap of 100,000"):
+        mixed_spheres([Component(30.0, 0.2, 0.5), Component(1.0, 0.2, 0.5)], 1)
+
+
+def test_densities_count_only_above_twenty_percent() -> None:
+    light = mixed_spheres([Component(2.0, 0.2, 0.5, 2600.0), Component(1.0, 0.3, 0.5, 2200.0)], 1)
+    heavy = mixed_spheres([Component(2.0, 0.2, 0.5, 2600.0), Component(1.0, 0.3, 0.5, 5200.0)], 1)
+    assert [kind.density for kind in light.species] == [1.0, 1.0]
+    assert [kind.density for kind in heavy.species] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("shares", [(0.5, 0.6), (0.5, 0.49), (1.2, -0.2), (1.0, 0.0)])
+def test_shares_that_are_no_proportions_are_refused(shares: tuple[float, float]) -> None:
+    with pytest.raises(ShareError, match=r"correct"):
+        mixed_spheres([Component(2.0, 0.2, shares[0]), Component(1.0, 0.2, shares[1])], 1)
+
+
+@pytest.mark.parametrize("change", [{"compaction": "rodded"}, {"local_damping": 1.0}, {"restitution": 0.0}])
+def test_a_protocol_outside_its_limits_is_refused(change: dict[str, object]) -> None:
+    with pytest.raises(ProtocolError):
+        Protocol(**change)  # type: ignore[arg-type]
