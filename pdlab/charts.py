@@ -49,7 +49,7 @@ def parity(reports: Sequence[PredictionReport]) -> go.Figure:
     for band in (0.02, 0.01):
         figure.add_scatter(
             x=[low, high, high, low], y=[low + band, high + band, high - band, low - band],
-            fill="toself", fillcolor=BAND, line={"width": 0}, hoverinfo="skip",
+            mode="lines", fill="toself", fillcolor=BAND, line={"width": 0}, hoverinfo="skip",
         )  # fmt: skip
     figure.add_scatter(x=[low, high], y=[low, high], mode="lines", line={"color": INK, "width": 1}, hoverinfo="skip")
     figure.add_scatter(

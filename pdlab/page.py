@@ -1,5 +1,6 @@
 """The page: enter an aggregate, see what the store holds, predicted against measured. No physics, no SQL."""
 
+import re
 from dataclasses import dataclass
 
 import pandas as pd
@@ -25,6 +26,11 @@ def _open(url: str) -> Store:
     return store.open_store(url)
 
 
+def _plain(text: str) -> str:
+    """Return text that Markdown shows as it stands."""
+    return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", text)
+
+
 def main() -> None:
     """Draw the page."""
     st.set_page_config(page_title="pdlab", layout="wide")
@@ -32,10 +38,10 @@ def main() -> None:
     try:
         target = _open(store.store_url(None))
     except InputError as error:
-        st.error(str(error))
+        st.error(_plain(str(error)))
         return
     if saved := st.session_state.pop("saved", None):
-        st.success(saved)
+        st.success(_plain(saved))
     compare, enter, shelf = st.tabs(["Predicted against measured", "New aggregate", "Aggregates"])
     with compare:
         _comparison(target)
@@ -48,9 +54,7 @@ def main() -> None:
 def _comparison(target: Store) -> None:
     reports = experiments.comparisons(target)
     if not reports:
-        st.info(
-            "No predictions yet. Run `pdlab demo` for an example, or `pdlab predict` once the store holds mixtures."
-        )
+        st.info("The store holds no mixture yet. Run `pdlab demo` for an example, or `pdlab import` your own tables.")
         return
     compared = [report for report in reports if report.difference is not None]
     left, right = st.columns([3, 2])
@@ -65,9 +69,12 @@ def _comparison(target: Store) -> None:
             )
             st.metric(f"Mean absolute error over {len(compared)} mixtures", f"{own:.4f}")
             st.metric("The same for the volume mean of the aggregates", f"{plain:.4f}")
-        warned = [f"{report.mixture}: {report.message}" for report in reports if report.message]
-        for text in warned:
-            st.warning(text)
+        for report in reports:
+            if report.message and report.packing_density is not None:
+                st.warning(_plain(f"{report.mixture}: {report.message}"))
+        missing = [report.mixture for report in reports if report.packing_density is None]
+        if missing:
+            st.info(f"Not predicted yet: {_plain(', '.join(missing))}. Run `pdlab predict`.")
     frame = pd.DataFrame(
         {
             "mixture": [report.mixture for report in reports],
@@ -144,39 +151,38 @@ def _preview(text: str, kind: str, mass: str, pan: str) -> tuple[bool, list[dict
     try:
         mass_g, pan_mm = _optional(mass, "sample mass"), _optional(pan, "smallest grain in the pan")
     except InputError as error:
-        st.error(str(error))
+        st.error(_plain(str(error)))
         return False, []
     table, rows, whole = tables.check_pasted(rows, kind, mass_g, pan_mm)
-    st.dataframe(
+    st.table(
         pd.DataFrame(
             {
-                "line": [row.line for row in rows],
-                "entered": [row.text.strip().replace("\t", "  ") for row in rows],
-                "aperture [mm]": ["" if row.row is None else _aperture(row.row.aperture) for row in rows],
-                KIND_LABELS[kind]: ["" if row.row is None else f"{row.row.value:g}" for row in rows],
-                "what is wrong": [row.error or "" for row in rows],
+                "line": [str(row.line) for row in rows],
+                "aperture [mm]": [_plain(_aperture(row)) for row in rows],
+                KIND_LABELS[kind]: [f"{row.row.value:g}" if row.row else "" for row in rows],
+                "what is wrong": [_plain(row.error or "") for row in rows],
             }
         ),
-        hide_index=True, key="parsed", row_height=35,
-    )  # fmt: skip
-    for row in rows:
-        if row.error:
-            st.error(f"line {row.line}: {row.error}")
+        hide_index=True,
+    )
     for error_text in whole:
-        st.error(error_text)
+        st.error(_plain(error_text))
     if table is None:
         return False, []
     grading = make_grading(table)
     for warning in grading.warnings:
-        st.warning(warning)
+        st.warning(_plain(warning))
     st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
     st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
     cells = [row.text for row in rows]
     return True, [_cells(line, kind) for line in cells]
 
 
-def _aperture(value: float | None) -> str:
-    return "pan" if value is None else f"{value:g}"
+def _aperture(row: tables.PastedRow) -> str:
+    """Return a row's aperture, or the line as it was typed where it could not be read."""
+    if row.row is None:
+        return row.text.strip()
+    return "pan" if row.row.aperture is None else f"{row.row.aperture:g}"
 
 
 def _cells(line: str, kind: str) -> dict[str, str]:
@@ -211,13 +217,13 @@ def _density_test() -> tuple[dict[str, str], dict[str, str], bool]:
     try:
         measured = _measured(kind, value, repeats, spread, particle, basis, absorption)
     except InputError as error:
-        st.error(str(error))
+        st.error(_plain(str(error)))
         return test, aggregate, False
     left, right = st.columns(2)
     left.metric("Packing density", f"{measured.packing_density:.4f}")
     right.metric("Voids [%]", f"{density.voids_percent(measured.packing_density):.1f}")
     for warning in measured.warnings:
-        st.caption(warning)
+        st.caption(_plain(warning))
     return test, aggregate, True
 
 
@@ -244,10 +250,10 @@ def _save(target: Store, entered: _Entered) -> None:
         experiments.register(target, tables.read_frames(frames))
     except TableError as error:
         for problem in error.problems:
-            st.error(problem.message if problem.column is None else f"{problem.column}: {problem.message}")
+            st.error(_plain(problem.message if problem.column is None else f"{problem.column}: {problem.message}"))
         return
     except PdlabError as error:
-        st.error(str(error))
+        st.error(_plain(str(error)))
         return
     st.session_state["saved"] = f"saved: {entered.aggregate['name'].strip()}"
     st.rerun()

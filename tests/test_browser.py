@@ -65,7 +65,7 @@ def test_a_grading_entered_in_a_browser_is_found_in_the_store(served: str, tmp_p
         table = page.get_by_label("Sieve table")
         table.fill("31,5\t0\n16\t12o,5\n8\t800\n4\t79,5")
         table.press("Control+Enter")
-        expect(page.get_by_text("line 2: '12o,5' is no number")).to_be_visible(timeout=20_000)
+        expect(page.get_by_text("'12o,5' is no number")).to_be_visible(timeout=20_000)
         table.fill("31,5\t0\n16\t120,5\n8\t800\n4\t79,5")
         table.press("Control+Enter")
         expect(page.get_by_text(re.compile(r"Equivalent diameter by the rule log_mean: \d+"))).to_be_visible(

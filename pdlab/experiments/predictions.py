@@ -161,13 +161,28 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
 
 
 def comparisons(target: Store) -> list[PredictionReport]:
-    """Return each mixture's newest prediction beside its current measurement, oldest mixture first."""
+    """Return each mixture's newest prediction beside its current measurement, oldest mixture first.
+
+    A mixture without a prediction has the state ``open``.
+    """
     with target.read() as session:
+        rows = store.mixtures(session)
         newest: dict[int, Prediction] = {}
         for row in store.predictions(session):
             newest.setdefault(row.mixture_id, row)
-    reports = [_comparison(newest[key]) for key in sorted(newest)]
+    reports = [_comparison(newest[row.id]) if row.id in newest else _open_comparison(row) for row in rows]
     return [_with_expected_error(report, reports) for report in reports]
+
+
+def _open_comparison(row: Mixture) -> PredictionReport:
+    measured = measured_mixture(row)
+    return PredictionReport(
+        mixture=row.name,
+        measured=measured.packing_density if measured else None,
+        measured_error=measured.standard_error if measured else None,
+        state="open",
+        message="not predicted yet: run 'pdlab predict'",
+    )
 
 
 def _comparison(row: Prediction) -> PredictionReport:
@@ -190,6 +205,8 @@ def _comparison(row: Prediction) -> PredictionReport:
 
 def _with_expected_error(report: PredictionReport, all_reports: Sequence[PredictionReport]) -> PredictionReport:
     """Add the simulation's error, the inputs' and, from two other comparisons on, their RMS difference."""
+    if report.packing_density is None:
+        return report
     others = [
         other.difference
         for other in all_reports
