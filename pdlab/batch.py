@@ -10,6 +10,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
@@ -54,7 +55,16 @@ def advance(specimen: Specimen, state: packing.State | None, steps: int) -> Adva
 
 
 def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to answer
+    """Leave Ctrl-C to the runner, and never outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def spawn_pool(workers: int) -> ProcessPoolExecutor:
@@ -230,5 +240,6 @@ def _packing(run: Run) -> Packing:
         rest=run.rest or "",
         steps=int(run.steps or 0),
         seconds=float(run.seconds or 0.0),
+        engine_version=run.engine_version,
         warnings=tuple((run.warnings or "").splitlines()),
     )

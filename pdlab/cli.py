@@ -151,8 +151,9 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
         ]
         for report in reports
     ]  # fmt: skip
+    rules = ", ".join(sorted({report.rule for report in reports if report.rule})) or "none"
     _table(
-        "Predicted against measured packing density (method monosized)",
+        f"Predicted against measured packing density (method monosized, diameter rule {rules})",
         [
             "mixture",
             "predicted PD",

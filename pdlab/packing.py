@@ -66,6 +66,7 @@ def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
         rest=state.rest,
         steps=state.steps,
         seconds=seconds,
+        engine_version=VERSION,
         warnings=_share_warnings(specimen, shares),
     )
 

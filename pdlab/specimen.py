@@ -139,6 +139,7 @@ class Packing:
     rest: str
     steps: int
     seconds: float
+    engine_version: int
     warnings: tuple[str, ...] = field(default=())
 
 

@@ -297,13 +297,13 @@ def runs(session: Session) -> list[Run]:
 
 
 def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:
-    """Return calibrations that are done with their runs, the newest first."""
+    """Return calibrations that are done with their runs, the last asked for first."""
     query = (
         sa.select(Calibration)
         .where(Calibration.state == "done")
         .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
         .options(selectinload(Calibration.aggregate))
-        .order_by(Calibration.id.desc())
+        .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
     )
     if aggregate_ids is not None:
         query = query.where(Calibration.aggregate_id.in_(aggregate_ids))
@@ -311,7 +311,7 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
 
 
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:
-    """Return predictions that are done with what they rest on, the newest first."""
+    """Return predictions that are done with what they rest on, the last asked for first."""
     query = (
         sa.select(Prediction)
         .where(Prediction.state == "done")
@@ -323,7 +323,7 @@ def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> l
         .options(
             selectinload(Prediction.mixture).selectinload(Mixture.components).selectinload(MixtureComponent.aggregate)
         )
-        .order_by(Prediction.id.desc())
+        .order_by(Prediction.requested_at.desc(), Prediction.id.desc())
     )
     if mixture_ids is not None:
         query = query.where(Prediction.mixture_id.in_(mixture_ids))

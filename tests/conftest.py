@@ -49,7 +49,7 @@ def formula_packing(specimen: Specimen, noise: float = 0.002) -> Packing:
     friction = min(kind.friction for kind in specimen.species)
     gain = 0.05 * (1.0 - specimen.species[-1].diameter)
     value = formula_density(friction) + gain + noise * scatter
-    return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0)
+    return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, 1)
 
 
 class FormulaRunner:

@@ -3,6 +3,9 @@
 import io
 import os
 import sqlite3
+import subprocess
+import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -132,3 +135,27 @@ def test_workers_that_die_again_and_again_end_with_a_named_error(
     monkeypatch.setattr(batch, "advance", dies)
     with pytest.raises(WorkersLost, match="3 pools of worker processes died"):
         Runner(target, 1)(TRIO[:1])
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+def test_workers_do_not_outlive_a_runner_that_was_killed(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path; import os, time; from pdlab import batch\n"
+        "if __name__ == '__main__':\n"
+        "    pool = batch.spawn_pool(1); pid = pool.submit(os.getpid).result()\n"
+        "    print(pid, flush=True); time.sleep(60)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    runner = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    assert runner.stdout is not None
+    worker = Path("/proc") / runner.stdout.readline().strip()
+    assert worker.is_dir()
+    runner.kill()
+    runner.wait()
+    runner.stdout.close()
+    for _ in range(100):
+        if not (worker / "cmdline").exists() or not (worker / "cmdline").read_bytes():
+            return
+        time.sleep(0.1)
+    raise AssertionError("the worker is still there")

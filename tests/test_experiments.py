@@ -235,3 +235,19 @@ def test_the_expected_error_holds_the_other_comparisons(pebbles: Store, formula_
     rms = (sum((other.difference or 0.0) ** 2 for other in others) / 2.0) ** 0.5
     own = ((first.standard_error or 0.0) ** 2 + (first.input_error or 0.0) ** 2 + rms**2) ** 0.5
     assert first.expected_error == pytest.approx(own)
+
+
+def test_a_friction_does_not_depend_on_who_is_calibrated_beside_it(pebbles: Store, formula_runner: Any) -> None:
+    runner = formula_runner(pebbles)
+    together = {report.aggregate: report for report in calibrate(pebbles, runner)}
+    for name, report in together.items():
+        alone = calibrate(pebbles, runner, [name])[0]
+        assert alone.result == report.result
+        assert alone.calibration_id == report.calibration_id
+
+
+def test_the_rule_last_asked_for_is_the_one_reported(pebbles: Store, formula_runner: Any) -> None:
+    runner = formula_runner(pebbles)
+    for rule in ("log_mean", "arithmetic", "log_mean"):
+        assert {report.rule for report in predict(pebbles, runner, (), rule)} == {rule}
+    assert count(pebbles, Prediction) == 6

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pdlab import calibration, grading, store
@@ -12,7 +12,7 @@ from pdlab.density import MeasuredPacking
 from pdlab.errors import EngineError, InputError, PdlabError
 from pdlab.experiments.readings import current_grading, measured_test, particle_density
 from pdlab.grading import DEFAULT_RULE
-from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
+from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, Prediction, SieveAnalysis, now
 from pdlab.specimen import LOOSE, Packing, Specimen
 from pdlab.store import Store
 
@@ -46,6 +46,19 @@ class _Open:
     measured: MeasuredPacking
     diameter: float
     warnings: list[str]
+    nodes: dict[float, list[Packing]] = field(default_factory=dict)
+    error: EngineError | None = None
+
+    def missing_nodes(self) -> set[float]:
+        """Return the nodes that its own curve still needs."""
+        if self.error is not None:
+            return set()
+        return calibration.missing_nodes(self.measured, calibration.curve(self.nodes) if self.nodes else None)
+
+    def add(self, node: float, outcomes: Sequence[Packing | EngineError]) -> None:
+        """Take a node's runs into its curve, or the first error of one."""
+        self.nodes[node] = [outcome for outcome in outcomes if isinstance(outcome, Packing)]
+        self.error = self.error or next((out for out in outcomes if isinstance(out, EngineError)), None)
 
 
 def calibrate(
@@ -72,11 +85,13 @@ def calibrate(
             waiting[row.id] = _open_calibration(row, rule)
         except PdlabError as error:
             reports[row.id] = CalibrationReport(row.name, row.id, error=error)
-    _fill_curve(list(waiting.values()), run_all, seeds, nodes := dict[float, list[Packing]]())
+    _fill_curves(list(waiting.values()), run_all, seeds)
     for key, one in waiting.items():
         try:
-            result = calibration.solve(one.measured, calibration.curve(nodes))
-            reports[key] = _save_calibration(target, one, rule, result, nodes)
+            if one.error is not None:
+                raise one.error
+            result = calibration.solve(one.measured, calibration.curve(one.nodes))
+            reports[key] = _save_calibration(target, one, rule, result)
         except PdlabError as error:
             reports[key] = CalibrationReport(one.aggregate.name, key, error=error)
     return [reports[row.id] for row in rows]
@@ -107,21 +122,22 @@ def _open_calibration(row: Aggregate, rule: str) -> _Open:
     return _Open(row, row.sieve_analyses[-1], test, measured, diameter, [*warnings, *measured.warnings])
 
 
-def _fill_curve(waiting: list[_Open], run_all: RunAll, seeds: int, nodes: dict[float, list[Packing]]) -> None:
-    """Run the curve's nodes, round by round, until every aggregate's PD is enclosed or out of reach."""
+def _fill_curves(waiting: list[_Open], run_all: RunAll, seeds: int) -> None:
+    """Run nodes, round by round, until every aggregate's PD is enclosed or out of reach.
+
+    A node is run once for all, but each aggregate's curve holds the nodes that it asked for itself: its
+    friction does not depend on who was calibrated beside it.
+    """
+    shared: dict[float, list[Packing | EngineError]] = {}
     while True:
-        known = calibration.curve(nodes) if nodes else None
-        wanted = sorted({node for one in waiting for node in calibration.missing_nodes(one.measured, known)})
-        if not wanted:
+        asked = [(one, node) for one in waiting for node in one.missing_nodes()]
+        wanted = sorted({node for _, node in asked} - set(shared))
+        outcomes = run_all([bed for node in wanted for bed in calibration.node_specimens(node, seeds)])
+        shared |= {node: outcomes[k * seeds : (k + 1) * seeds] for k, node in enumerate(wanted)}
+        for one, node in asked:
+            one.add(node, shared[node])
+        if not asked:
             return
-        beds = [bed for node in wanted for bed in calibration.node_specimens(node, seeds)]
-        packings = list[Packing]()
-        for outcome in run_all(beds):
-            if isinstance(outcome, EngineError):
-                raise outcome
-            packings.append(outcome)
-        for k, node in enumerate(wanted):
-            nodes[node] = packings[k * seeds : (k + 1) * seeds]
 
 
 def protocol_text() -> str:
@@ -129,16 +145,22 @@ def protocol_text() -> str:
     return json.dumps(asdict(LOOSE), sort_keys=True)
 
 
-def _save_calibration(
-    target: Store, one: _Open, rule: str, result: calibration.Calibrated, nodes: dict[float, list[Packing]]
-) -> CalibrationReport:
-    """Write a calibration, unless an equal one on the same runs is there already."""
-    digests = {packing.digest for packings in nodes.values() for packing in packings}
+def equals(row: Calibration | Prediction, facts: dict[str, Any], digests: set[str]) -> bool:
+    """Return whether a stored result has these facts and rests on these runs."""
+    same = all(getattr(row, key) == value for key, value in facts.items())
+    return same and {run.specimen_hash for run in row.runs} == digests
+
+
+def _save_calibration(target: Store, one: _Open, rule: str, result: calibration.Calibrated) -> CalibrationReport:
+    """Write a calibration; of an equal one on the same runs only the time of asking is renewed."""
+    packings = [packing for node in one.nodes.values() for packing in node]
+    digests = {packing.digest for packing in packings}
     facts: dict[str, Any] = {
         "sieve_analysis_id": one.analysis.id,
         "packing_test_id": one.test.id,
         "method": METHOD,
         "protocol": protocol_text(),
+        "engine_version": packings[0].engine_version,
         "diameter_rule": rule,
         "diameter_mm": one.diameter,
         "measured_packing_density": one.measured.packing_density,
@@ -151,18 +173,15 @@ def _save_calibration(
         "warnings": "\n".join([*one.warnings, *result.warnings]) or None,
     }
     with target.write() as session:
-        row = None
-        for old in store.calibrations(session, [one.aggregate.id]):
-            same = all(getattr(old, key) == value for key, value in facts.items())
-            if same and {run.specimen_hash for run in old.runs} == digests:
-                row = old
-                break
+        old = (row for row in store.calibrations(session, [one.aggregate.id]) if equals(row, facts, digests))
+        row = next(old, None)
         if row is None:
             evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
             row = Calibration(
                 aggregate_id=one.aggregate.id, state="done", progress=1.0, finished_at=now(), runs=evidence, **facts
             )
             store.add_all(session, [row])
+        row.requested_at = now()
         return _calibration_report(one.aggregate, row)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from pdlab import mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import EngineError, InputError, PdlabError
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate, protocol_text
+from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate, equals, protocol_text
 from pdlab.experiments.readings import measured_mixture
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
@@ -22,6 +22,7 @@ class PredictionReport:
 
     mixture: str
     method: str = METHOD
+    rule: str = ""
     packing_density: float | None = None
     standard_error: float | None = None
     input_error: float | None = None
@@ -129,39 +130,37 @@ def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
 
 
 def _save_prediction(target: Store, blend: _Blend) -> None:
-    """Write a prediction, unless an equal one on the same runs and calibrations is there already."""
+    """Write a prediction; of an equal one on the same runs and calibrations only the time of asking is renewed."""
     result = mixture.predict(blend.parts, blend.done)
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
     facts: dict[str, Any] = {
         "method": METHOD,
         "protocol": protocol_text(),
+        "engine_version": blend.done[0].engine_version,
         "packing_density": result.packing_density,
         "standard_error": result.standard_error,
         "input_error": result.input_error,
         "warnings": "\n".join(result.warnings) or None,
     }
     with target.write() as session:
-        for old in store.predictions(session, [blend.row.id]):
-            if (
-                all(getattr(old, key) == value for key, value in facts.items())
-                and {run.specimen_hash for run in old.runs} == digests
-                and {source.calibration_id for source in old.calibrations} == sources
-            ):
-                return
-        row = Prediction(
-            mixture_id=blend.row.id,
-            state="done",
-            progress=1.0,
-            finished_at=now(),
-            runs=[PredictionRun(specimen_hash=digest) for digest in sorted(digests)],
-            calibrations=[PredictionCalibration(calibration_id=source) for source in sorted(sources)],
-            **facts,
-        )
-        store.add_all(session, [row])
+        old = (row for row in store.predictions(session, [blend.row.id]) if equals(row, facts, digests))
+        row = next((row for row in old if {link.calibration_id for link in row.calibrations} == sources), None)
+        if row is None:
+            row = Prediction(
+                mixture_id=blend.row.id,
+                state="done",
+                progress=1.0,
+                finished_at=now(),
+                runs=[PredictionRun(specimen_hash=digest) for digest in sorted(digests)],
+                calibrations=[PredictionCalibration(calibration_id=source) for source in sorted(sources)],
+                **facts,
+            )
+            store.add_all(session, [row])
+        row.requested_at = now()
 
 
 def comparisons(target: Store) -> list[PredictionReport]:
-    """Return each mixture's newest prediction beside its current measurement, oldest mixture first.
+    """Return each mixture's last prediction asked for beside its current measurement, oldest mixture first.
 
     A mixture without a prediction has the state ``open``.
     """
@@ -191,6 +190,7 @@ def _comparison(row: Prediction) -> PredictionReport:
     return PredictionReport(
         mixture=row.mixture.name,
         method=row.method,
+        rule=", ".join(sorted({link.calibration.diameter_rule for link in row.calibrations})),
         packing_density=row.packing_density,
         standard_error=row.standard_error,
         input_error=row.input_error,
