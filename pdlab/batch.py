@@ -31,7 +31,7 @@ CHUNK = 20_000_000
 """Sphere-steps handed out at once: a few seconds."""
 LOST_POOLS = 3
 """Pools in a row that may die without one finished chunk before the runner gives up."""
-TYPICAL_STEPS = 45.0
+TYPICAL_TIME = 45.0
 """A loose bed's way to rest, in sqrt(d/g): for the progress shown, for nothing else."""
 
 
@@ -90,7 +90,7 @@ class _Job:
         """A guess at the share of its steps that lie behind it."""
         if self.state is None or len(self.state.history) == 0:
             return 0.0
-        return min(0.95, float(self.state.history[-1, 0]) / TYPICAL_STEPS)
+        return min(0.95, float(self.state.history[-1, 0]) / TYPICAL_TIME)
 
 
 def cores() -> int:
@@ -217,6 +217,7 @@ def _run_row(job: _Job, state: str) -> Run:
         seed=job.specimen.seed,
         spheres=job.specimen.spheres,
         state=state,
+        error=None,  # a try that failed before is over
         finished_at=now(),
     )
 

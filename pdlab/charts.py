@@ -19,16 +19,22 @@ def _styled(figure: go.Figure, height: int) -> go.Figure:
     return figure
 
 
+def _plain(text: str) -> str:
+    """Return text that plotly shows as it stands, without its tags."""
+    return text.replace("&", "&amp;").replace("<", "&lt;")
+
+
 def grading_curve(gradings: dict[str, Grading]) -> go.Figure:
     """Return percent passing over aperture, log axis with the sieves as ticks, a line for each name."""
     figure = go.Figure()
     ticks = set[float]()
-    for name, grading in gradings.items():
+    for raw, grading in gradings.items():
+        name = _plain(raw)
         passing = [100.0 * float(share) for share in grading.passing]
         ticks |= set(grading.apertures)
         figure.add_scatter(
             x=list(grading.apertures), y=passing, mode="lines+markers", name=name,
-            hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name.replace("<", "&lt;") + "</extra>",
+            hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
         )  # fmt: skip
     values = sorted(ticks)
     text = [f"{value:g}" for value in values]
@@ -58,7 +64,7 @@ def parity(reports: Sequence[PredictionReport]) -> go.Figure:
         error_x={"type": "data", "array": [report.measured_error for report in shown], "thickness": 1.2},
         error_y={"type": "data", "array": [report.expected_error for report in shown], "thickness": 1.2},
         mode="markers", marker={"size": 10, "color": SERIES},
-        text=[report.mixture.replace("<", "&lt;") for report in shown],
+        text=[_plain(report.mixture) for report in shown],
         hovertemplate="%{text}<br>measured %{x:.4f}<br>predicted %{y:.4f}<extra></extra>",
     )  # fmt: skip
     figure.update_xaxes(range=[low, high], title=label("measured"), gridcolor=GRID, constrain="domain")

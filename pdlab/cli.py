@@ -105,8 +105,8 @@ def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
         table.add_column(column, justify="left" if k == 0 else "right")
     for row in rows:
         table.add_row(*row)
-    console = Console(width=None if sys.stdout.isatty() else 140)
-    console.print(table, markup=False)
+    console = Console(width=None if sys.stdout.isatty() else 140, emoji=False, markup=False, highlight=False)
+    console.print(table)
 
 
 def _number(value: float | None, digits: int = 4, sign: bool = False) -> str:
@@ -237,12 +237,23 @@ def calibrate(
         _raise_failures(reports)
 
 
+def _check_writable(output: Path) -> None:
+    """Raise InputError, before anything is simulated, unless a file can be written."""
+    try:
+        with output.open("a", encoding="utf-8"):
+            pass
+    except OSError as error:
+        raise InputError(f"{output} cannot be written ({error.strerror}); choose another file with -o") from error
+
+
 @app.command()
 def predict(
     mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
     method: Annotated[str, typer.Option(help="How a mixture is predicted.")] = "monosized",
     rule: Rule = "log_mean",
-    seeds: Annotated[int, typer.Option(min=2, help="Beds of each mixture at first.")] = 4,
+    seeds: Annotated[
+        int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
+    ] = 4,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write the table as CSV.")] = None,
     store: Store = None,
     workers: Workers = None,
@@ -252,8 +263,8 @@ def predict(
 
     if method != "monosized":
         raise InputError(f"'{method}' is no method of this version; use monosized")
-    if output is not None and not output.absolute().parent.is_dir():
-        raise InputError(f"the folder of {output} does not exist; make it or choose another file")
+    if output is not None:
+        _check_writable(output)
     with _lab(store, workers) as lab:
         reports = lab.predict_reports(mixtures or (), rule, seeds)
         _show_predictions(reports)
@@ -277,17 +288,32 @@ def ls(what: Annotated[str, typer.Argument(help=" | ".join(LISTS))] = "aggregate
             print(f"no {what} yet")
             return
         frame = frame.drop(columns=frame.columns[frame.isna().all()])
-        cells = [[_cell(value) for value in row] for row in frame.itertuples(index=False)]
+        cells = [
+            [_cell(*cell) for cell in zip(frame.columns, row, strict=True)] for row in frame.itertuples(index=False)
+        ]
         _table(f"{len(frame)} {what}" if what != "mixtures" else what, list(frame.columns), cells)
 
 
-def _cell(value: Any) -> str:
+def _cell(column: str, value: Any) -> str:
     import pandas as pd
 
     if pd.isna(value):
         return ""
-    text = f"{value:.5g}" if isinstance(value, float) else str(value)
-    return text[:12] if len(text) == 64 else text  # a specimen's hash
+    if column == "specimen_hash":
+        return str(value)[:12]
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _check_free(port: int) -> None:
+    """Raise InputError when something listens on a port of 127.0.0.1."""
+    import socket
+
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a page that ended a moment ago is no hindrance
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise InputError(f"port {port} is not free ({error.strerror}); choose another with --port") from error
 
 
 @app.command()
@@ -300,6 +326,7 @@ def serve(
 
     from pdlab.store import open_store
 
+    _check_free(port)
     opened = open_store(store)
     opened.close()
     if opened.created:

@@ -7,6 +7,10 @@ from pdlab.errors import DensityError
 
 WATER_DENSITY = 997.5
 """kg/m³, water at 23 °C, the temperature of ASTM C127 and C128."""
+LIGHTEST, HEAVIEST = 100.0, 25_000.0
+"""Particle densities in kg/m³ outside which an entry is a typing error or in another unit."""
+MAX_DEVIATION = 0.05
+"""Standard deviation of single tests, in PD, above which it is a typing error or in another unit."""
 DEFAULT_ERROR = 0.005
 """Standard error of a measured PD whose test states no repeats."""
 BASES = ("oven_dry", "ssd", "apparent")
@@ -28,8 +32,10 @@ def oven_dry_density(density: float, basis: str, absorption_percent: float | Non
     ``density`` [kg/m³] on ``basis`` (oven_dry, ssd, apparent); ``absorption_percent``: water
     absorption in percent of the dry mass. Raises DensityError. Source: the definitions of ASTM C127.
     """
-    if not (math.isfinite(density) and density > 0.0):
-        raise DensityError(f"particle density {density:g} kg/m³ must be above 0; enter it in kg/m³")
+    if not LIGHTEST <= density <= HEAVIEST:
+        raise DensityError(
+            f"particle density {density:g} kg/m³ lies outside [{LIGHTEST:g}, {HEAVIEST:g}]; enter it in kg/m³"
+        )
     if basis not in BASES:
         raise DensityError(f"density basis '{basis}' is unknown; use one of {', '.join(BASES)}")
     if basis == "oven_dry":
@@ -84,6 +90,11 @@ def measured_packing(
     if not (math.isfinite(standard_deviation) and standard_deviation >= 0.0):
         raise DensityError(
             f"standard deviation {standard_deviation:g} must not be negative; leave it empty when unknown"
+        )
+    if standard_deviation * scale > MAX_DEVIATION:
+        raise DensityError(
+            f"standard deviation {standard_deviation:g} is {standard_deviation * scale:.3g} in PD, more than "
+            f"{MAX_DEVIATION:g}; enter it in the unit of the value, or leave it empty when unknown"
         )
     return MeasuredPacking(packing, standard_deviation * scale / math.sqrt(repeats or 1))
 

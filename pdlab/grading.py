@@ -18,6 +18,8 @@ LOSS_LIMIT = 0.01
 """Share of the sample mass by which the sieved masses may be off."""
 PAN_LIMIT = 0.10
 """Share that may fall into a pan without a lower size."""
+SMALLEST, LARGEST = 1e-4, 1e4
+"""Apertures in mm outside which an entry is a typing error."""
 DEFAULT_RULE = "log_mean"
 
 
@@ -75,31 +77,28 @@ def check(table: SieveTable) -> list[GradingError]:
         return [GradingError(f"'{table.kind}' is no sieve value; use one of {', '.join(KINDS)}")]
     if not sieves:
         return [GradingError("the sieve table is empty; enter at least one sieve with its aperture in mm")]
-    wrong = _check_rows(table) + _check_order(sieves)
+    wrong = check_rows(table) + _check_order(sieves)
     if not wrong:
         wrong = _check_passing(sieves) if table.kind == "passing_percent" else _check_retained(table)
     return wrong or _check_limits(table)
 
 
-def _check_rows(table: SieveTable) -> list[GradingError]:
-    wrong, seen, pans = [], dict[float, int](), 0
+def check_rows(table: SieveTable) -> list[GradingError]:
+    """Return what is wrong in single rows of a sieve table, each with its row."""
+    wrong, seen, pans = [], set[float](), 0
     most = math.inf if table.kind == "retained_g" else 100.0
     for k, row in enumerate(table.rows):
         if row.aperture is None:
             pans += 1
             if pans > 1:
                 wrong.append(GradingError("the pan stands twice; keep one pan row", k))
-        elif not (math.isfinite(row.aperture) and row.aperture > 0.0):
-            wrong.append(GradingError(f"aperture {row.aperture:g} mm must be above 0; correct it", k))
+        elif not SMALLEST <= row.aperture <= LARGEST:
+            limits = "be above 0" if row.aperture <= 0.0 else f"lie between {SMALLEST:g} and {LARGEST:g}"
+            wrong.append(GradingError(f"aperture {row.aperture:g} mm must {limits}; correct it", k))
         elif row.aperture in seen:
-            wrong.append(
-                GradingError(
-                    f"aperture {row.aperture:g} mm already stands in row {seen[row.aperture] + 1}; "
-                    "keep one of them", k,
-                )
-            )  # fmt: skip
+            wrong.append(GradingError(f"aperture {row.aperture:g} mm stands twice; keep one of the rows", k))
         else:
-            seen[row.aperture] = k
+            seen.add(row.aperture)
         if not 0.0 <= row.value <= most:
             limits = "at least 0" if most == math.inf else "between 0 and 100"
             wrong.append(GradingError(f"{table.kind} {row.value:g} must be {limits}; correct it", k))

@@ -1,5 +1,6 @@
 """``Lab``: the verbs in Python, with pandas frames in and out."""
 
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
@@ -33,7 +34,10 @@ class Lab:
     """
 
     def __init__(
-        self, url: str | None = None, workers: int | None = None, progress: Callable[[Progress], None] | None = None
+        self,
+        url: str | os.PathLike[str] | None = None,
+        workers: int | None = None,
+        progress: Callable[[Progress], None] | None = None,
     ) -> None:
         self.store = store.open_store(url)
         self.runner = Runner(self.store, workers or cores(), progress)
@@ -61,7 +65,9 @@ class Lab:
         self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = SEEDS
     ) -> list[CalibrationReport]:
         """Calibrate the named aggregates, or all; an aggregate's error stands in its report."""
-        return experiments.calibrate(self.store, self.runner, list(names), rule, seeds)
+        return experiments.calibrate(
+            self.store, self.runner, [names] if isinstance(names, str) else list(names), rule, seeds
+        )
 
     def predict_reports(
         self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = mixture.SEEDS
@@ -77,12 +83,12 @@ class Lab:
         The frame returned has a row for each mixture: its packing density [-] with its errors, the
         measured one and their difference. Raises TableError, UnknownName.
         """
-        names: list[str]
         if isinstance(mixtures, pd.DataFrame):
-            experiments.register(self.store, tables.read_frame(mixtures, "mixtures"))
-            names = list(dict.fromkeys(mixtures["mixture"].astype(str).str.strip()))
+            brought = tables.read_frame(mixtures.dropna(how="all"), "mixtures")
+            experiments.register(self.store, brought)
+            names = [record.name for record in brought.mixtures]
         else:
-            names = list(mixtures)
+            names = [mixtures] if isinstance(mixtures, str) else list(mixtures)
         return prediction_frame(self.predict_reports(names, rule, seeds))
 
     def predictions(self) -> pd.DataFrame:
@@ -90,10 +96,14 @@ class Lab:
         return prediction_frame(experiments.comparisons(self.store))
 
     def aggregates(self) -> pd.DataFrame:
-        """Return the current aggregates: sizes [mm], diameter [mm], measured PD [-], friction [-]."""
+        """Return the current aggregates: sizes [mm], diameter [mm], measured PD [-], friction [-].
+
+        The friction is empty until the current tests are calibrated.
+        """
         with self.store.read() as session:
             rows = store.aggregates(session)
-            newest = {row.aggregate_id: row for row in reversed(store.calibrations(session))}
+            fits = [fit for fit in store.calibrations(session) if not experiments.is_stale(fit)]
+            newest = {fit.aggregate_id: fit for fit in reversed(fits)}
         out = []
         for row in rows:
             grading, measured, found = experiments.current_grading(row), _measured(row), newest.get(row.id)

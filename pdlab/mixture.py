@@ -99,7 +99,8 @@ def predict(parts: Sequence[Part], packings: Sequence[Packing]) -> Predicted:
     """Return the prediction from the runs of a mixture's bed, one for each seed."""
     mean = float(np.mean([packing.packing_density for packing in packings]))
     weight = sensitivities(parts, mean)
-    curve_error = float(np.linalg.norm(weight * [part.curve_error for part in parts]))
+    # the parts' curves share runs, so that their errors add up
+    curve_error = math.fsum(weight * [part.curve_error for part in parts])
     warnings = dict.fromkeys(text for packing in packings for text in packing.warnings)
     return Predicted(
         packing_density=mean,

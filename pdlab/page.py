@@ -17,6 +17,7 @@ KIND_LABELS = {
 DENSITY_LABELS = {
     "bulk_density_kg_m3": "bulk density [kg/m³]", "voids_percent": "voids [%]", "packing_density": "packing density",
 }  # fmt: skip
+BULK = tables.DENSITY_UNITS["bulk_density_kg_m3"]
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
 EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
 
@@ -122,21 +123,24 @@ def _entry(target: Store) -> None:
         sound, sieves = _preview(text, kind, mass, pan)
     test, aggregate, tested = _density_test()
     if st.button("Save", type="primary", key="save"):
-        aggregate |= {"name": name, "delivery": delivery}
-        if not name.strip():
+        name, delivery = name.strip(), delivery.strip()
+        if not name:
             st.error("the aggregate has no name; enter one")
+        elif not text.strip():
+            st.error("the sieve table is empty; enter at least one sieve with its aperture in mm")
         elif not sound or not tested:
             st.error("not saved: mend what is marked above first")
         else:
             extra = {"aggregate": name, "delivery": delivery, "sample_mass_g": mass, "pan_lower_mm": pan}
-            _save(
-                target, _Entered(aggregate, [row | extra for row in sieves], test | {"material": f"aggregate:{name}"})
-            )
+            aggregate |= {"name": name, "delivery": delivery}
+            if test:
+                test |= {"material": f"aggregate:{name}", "delivery": delivery}
+            _save(target, _Entered(aggregate, [row | extra for row in sieves], test))
 
 
-def _optional(text: str, what: str) -> float | None:
+def _optional(text: str, what: str, unit: str) -> float | None:
     try:
-        return tables.number_above_zero(text) if text.strip() else None
+        return tables.above_zero(unit)(text) if text.strip() else None
     except InputError as error:
         raise InputError(f"{what}: {error}") from error
 
@@ -147,9 +151,9 @@ def _preview(text: str, kind: str, mass: str, pan: str) -> tuple[bool, list[dict
     if not text.strip():
         st.caption("The grading curve is drawn here while you type.")
         return False, []
-    rows = tables.read_pasted(text)
+    rows = tables.read_pasted(text, kind)
     try:
-        mass_g, pan_mm = _optional(mass, "sample mass"), _optional(pan, "smallest grain in the pan")
+        mass_g, pan_mm = _optional(mass, "sample mass", "g"), _optional(pan, "smallest grain in the pan", "mm")
     except InputError as error:
         st.error(_plain(str(error)))
         return False, []
@@ -212,7 +216,9 @@ def _density_test() -> tuple[dict[str, str], dict[str, str], bool]:
         "water_absorption_percent": absorption,
     }  # fmt: skip
     if not value.strip():
-        return {}, aggregate, True
+        if repeats.strip() or spread.strip():
+            st.error("the density test has no value; enter it, or empty its other fields")
+        return {}, aggregate, not (repeats.strip() or spread.strip())
     test = {"compaction": compaction, kind: value, "repeats": repeats, "standard_deviation": spread}
     try:
         measured = _measured(kind, value, repeats, spread, particle, basis, absorption)
@@ -232,19 +238,19 @@ def _measured(
 ) -> density.MeasuredPacking:
     dry = None
     if particle.strip():
-        wet = tables.parse_number(absorption) if absorption.strip() else None
-        dry = density.oven_dry_density(tables.parse_number(particle), basis, wet)
+        wet = tables.parse_number(absorption, "%") if absorption.strip() else None
+        dry = density.oven_dry_density(tables.parse_number(particle, *BULK), basis, wet)
     return density.measured_packing(
         kind, tables.parse_number(value), dry,
         tables.parse_integer(repeats) if repeats.strip() else None,
-        tables.parse_number(spread) if spread.strip() else None,
+        tables.parse_number(spread, *tables.DENSITY_UNITS[kind]) if spread.strip() else None,
     )  # fmt: skip
 
 
 def _save(target: Store, entered: _Entered) -> None:
     """Register what was entered: everything, or nothing and every problem."""
     frames = {"aggregates": pd.DataFrame([entered.aggregate]), "sieves": pd.DataFrame(entered.sieves)}
-    if len(entered.test) > 1:
+    if entered.test:
         frames["packing_tests"] = pd.DataFrame([entered.test])
     try:
         experiments.register(target, tables.read_frames(frames))

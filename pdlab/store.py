@@ -37,12 +37,12 @@ LOCK_TIMEOUT = 30.0
 """Seconds that a writer waits for another."""
 
 
-def store_url(given: str | None) -> str:
+def store_url(given: str | os.PathLike[str] | None) -> str:
     """Return the store's URL: the one given, else PDLAB_STORE, else pdlab.db in this folder.
 
     A path without a scheme is a SQLite file.
     """
-    url = given or os.environ.get("PDLAB_STORE") or DEFAULT_URL
+    url = (os.fspath(given) if given else None) or os.environ.get("PDLAB_STORE") or DEFAULT_URL
     return url if ":" in url.replace(":\\", "") else f"sqlite:///{url}"
 
 
@@ -67,14 +67,25 @@ class Store:
     @contextmanager
     def read(self) -> Iterator[Session]:
         """Give a session that sees one state of the store; nothing written in it is kept."""
-        with self._session(self.reader) as session:
+        with self._named_errors(), self._session(self.reader) as session:
             yield session
 
     @contextmanager
     def write(self) -> Iterator[Session]:
         """Give a session whose changes are kept together when the block ends well, else none."""
-        with self._session(self.writer) as session, session.begin():
+        with self._named_errors(), self._session(self.writer) as session, session.begin():
             yield session
+
+    @contextmanager
+    def _named_errors(self) -> Iterator[None]:
+        """Turn what the database cannot do now (locked, read-only, disk full) into a StoreError."""
+        try:
+            yield
+        except sa.exc.OperationalError as error:
+            raise StoreError(
+                f"the store {self.url} cannot be used ({error.orig}); end what else writes to it, allow writing, or "
+                "make room on the disk"
+            ) from error
 
     @staticmethod
     def _session(bind: sa.Engine | sa.Connection) -> Session:
@@ -117,12 +128,17 @@ def _engine(url: sa.URL, begin: str = "BEGIN", foreign_keys: bool = True) -> sa.
 
 def _parse(url: str) -> sa.URL:
     try:
-        return sa.make_url(url)
-    except sa.exc.ArgumentError as error:
+        parsed = sa.make_url(url)
+        backend = parsed.get_backend_name()
+        parsed.get_dialect()
+    except (sa.exc.ArgumentError, ValueError) as error:
         raise StoreError(f"'{url}' is no store address; write sqlite:///FILE or a path") from error
+    if backend != "sqlite" or parsed.get_driver_name() != "pysqlite":
+        raise StoreError(f"'{backend}' stores cannot be opened by this version; write sqlite:///FILE or a path")
+    return parsed
 
 
-def open_store(given: str | None = None) -> Store:
+def open_store(given: str | os.PathLike[str] | None = None) -> Store:
     """Open a store; a SQLite file that does not exist is made by the migrations.
 
     Raises StoreError for a file that is no store and for a store of an older or newer revision.
@@ -134,14 +150,14 @@ def open_store(given: str | None = None) -> Store:
         return Store(str(url), engine, engine, created=True)
     created = _revision(url) is None
     if created:
-        upgrade(str(url))
+        upgrade(url.render_as_string(hide_password=False))
     else:
         _check_revision(url)
     name = url.render_as_string(hide_password=False)
     return Store(name, _engine(url), _engine(url, "BEGIN IMMEDIATE"), created)
 
 
-def upgrade(given: str | None = None) -> tuple[str | None, str]:
+def upgrade(given: str | os.PathLike[str] | None = None) -> tuple[str | None, str]:
     """Bring a store to the newest revision, making it when it is missing; return before and after.
 
     All or nothing. Raises StoreError for a file that is no store and for a newer one.
@@ -154,6 +170,10 @@ def upgrade(given: str | None = None) -> tuple[str | None, str]:
         engine = _engine(url, "BEGIN IMMEDIATE", foreign_keys=False)
         try:
             migrate(engine)
+        except sa.exc.OperationalError as error:
+            raise StoreError(
+                f"{url.database} cannot be written ({error.orig}); allow writing there or choose another --store"
+            ) from error
         finally:
             engine.dispose()
     return before, _head()
@@ -183,30 +203,40 @@ def _known_revisions() -> set[str]:
 
 def _revision(url: sa.URL) -> str | None:
     """Return the revision of a store, None where there is none yet. Raises StoreError."""
-    if url.get_backend_name() == "sqlite":
-        path = Path(url.database or "")
+    path = Path(url.database or "")
+    try:
         if not path.exists():
             if not path.parent.is_dir():
                 raise StoreError(f"the folder of {path} does not exist; make it or choose another --store")
             return None
+        if path.is_dir():
+            raise StoreError(f"{path} is a folder, no pdlab store; choose a file with --store")
+    except OSError as error:
+        raise StoreError(f"{path} cannot be opened ({error.strerror}); choose another --store") from error
     engine = _engine(url)
     try:
         with engine.connect() as connection:
-            names = sa.inspect(connection).get_table_names()
-            if "alembic_version" in names:
-                return connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar_one_or_none()
-    except sa.exc.DatabaseError as error:
+            names = set(sa.inspect(connection).get_table_names())
+            rows = (
+                connection.exec_driver_sql("SELECT version_num FROM alembic_version").all()
+                if "alembic_version" in names
+                else []
+            )
+    except sa.exc.OperationalError as error:
         raise StoreError(
-            f"{url.database} is no pdlab store ({error.orig}); choose another file with --store"
+            f"{path} cannot be opened ({error.orig}); end what else uses it, or allow reading and writing it"
         ) from error
+    except sa.exc.DatabaseError as error:
+        raise StoreError(f"{path} is no pdlab store ({error.orig}); choose another file with --store") from error
     finally:
         engine.dispose()
-    if names:
-        raise StoreError(
-            f"{url.database} holds other tables ({', '.join(names[:3])}), no pdlab store; "
-            "choose another file with --store"
-        )
-    return None
+    if not names:
+        return None
+    if len(rows) == 1 and names >= {"aggregate", "mixture", "run"}:
+        return str(rows[0][0])
+    raise StoreError(
+        f"{path} holds other tables ({', '.join(sorted(names)[:3])}), no pdlab store; choose another file with --store"
+    )
 
 
 def _check_revision(url: sa.URL, older_is_fine: bool = False) -> None:
@@ -223,18 +253,32 @@ def _check_revision(url: sa.URL, older_is_fine: bool = False) -> None:
         )
 
 
+_WITH_TESTS = (
+    selectinload(Aggregate.sieve_analyses).selectinload(SieveAnalysis.results),
+    selectinload(Aggregate.packing_tests),
+)
+
+
 def add_all(session: Session, rows: Sequence[Any]) -> None:
     """Add rows and give them their keys."""
     session.add_all(rows)
     session.flush()
 
 
-def find_aggregate(session: Session, name: str, delivery: str | None = None) -> Aggregate | None:
-    """Return an aggregate's newest delivery, or the one named; None where the store holds none."""
-    query = sa.select(Aggregate).where(Aggregate.name == name).order_by(Aggregate.id.desc())
-    if delivery is not None:
-        query = query.where(Aggregate.delivery == delivery)
-    return session.scalars(query.limit(1)).first()
+def find_aggregate(session: Session, name: str, delivery: str, exact: bool = False) -> Aggregate | None:
+    """Return one delivery of an aggregate; None where the store holds none.
+
+    An empty delivery is the one without a name, or, unless ``exact``, the only one there is.
+    """
+    found = {row.delivery: row for row in session.scalars(sa.select(Aggregate).where(Aggregate.name == name))}
+    if not exact and not delivery and delivery not in found and len(found) == 1:
+        return next(iter(found.values()))
+    return found.get(delivery)
+
+
+def deliveries(session: Session, name: str) -> list[str]:
+    """Return the deliveries of an aggregate that the store holds, in the order of their coming."""
+    return list(session.scalars(sa.select(Aggregate.delivery).where(Aggregate.name == name).order_by(Aggregate.id)))
 
 
 def find_mixture(session: Session, name: str) -> Mixture | None:
@@ -245,14 +289,13 @@ def find_mixture(session: Session, name: str) -> Mixture | None:
 def aggregates(session: Session, names: Sequence[str] = ()) -> list[Aggregate]:
     """Return the newest delivery of each aggregate, of all or of the named. Raises UnknownName."""
     newest = sa.select(sa.func.max(Aggregate.id)).group_by(Aggregate.name)
-    query = (
-        sa.select(Aggregate)
-        .where(Aggregate.id.in_(newest))
-        .options(selectinload(Aggregate.sieve_analyses).selectinload(SieveAnalysis.results))
-        .options(selectinload(Aggregate.packing_tests))
-        .order_by(Aggregate.id)
-    )
+    query = sa.select(Aggregate).where(Aggregate.id.in_(newest)).options(*_WITH_TESTS).order_by(Aggregate.id)
     return _named("aggregate", names, {row.name: row for row in session.scalars(query)})
+
+
+def aggregates_by_id(session: Session, ids: Sequence[int]) -> list[Aggregate]:
+    """Return aggregates, of whatever delivery, with their tests."""
+    return list(session.scalars(sa.select(Aggregate).where(Aggregate.id.in_(ids)).options(*_WITH_TESTS)))
 
 
 def mixtures(session: Session, names: Sequence[str] = ()) -> list[Mixture]:
@@ -302,7 +345,7 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
         sa.select(Calibration)
         .where(Calibration.state == "done")
         .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
-        .options(selectinload(Calibration.aggregate))
+        .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS))
         .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
     )
     if aggregate_ids is not None:
@@ -317,7 +360,10 @@ def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> l
         .where(Prediction.state == "done")
         .options(
             selectinload(Prediction.runs),
-            selectinload(Prediction.calibrations).selectinload(PredictionCalibration.calibration),
+            selectinload(Prediction.calibrations)
+            .selectinload(PredictionCalibration.calibration)
+            .selectinload(Calibration.aggregate)
+            .options(*_WITH_TESTS),
         )
         .options(selectinload(Prediction.mixture).selectinload(Mixture.packing_tests))
         .options(

@@ -11,7 +11,7 @@ def test_a_grading_curve_has_the_sieves_as_ticks_on_a_log_axis() -> None:
     assert figure.layout.xaxis.type == "log"
     assert list(figure.layout.xaxis.ticktext) == ["4", "8", "16"]
     assert [round(value, 9) for value in figure.data[0].y] == [100.0, 70.0, 0.0]
-    assert "<b>" not in figure.data[0].hovertemplate
+    assert "<b>" not in figure.data[0].hovertemplate + figure.data[0].name
 
 
 def test_a_parity_chart_has_both_errors_and_one_range() -> None:

@@ -1,6 +1,7 @@
 """The verbs in the shell: what they print, where, and their exit codes."""
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -59,7 +60,7 @@ def test_the_store_comes_from_the_option_else_the_environment(tmp_path: Path) ->
 def test_bad_tables_are_refused_with_every_problem_and_nothing_is_kept(tmp_path: Path, folder: Folder) -> None:
     path = folder(aggregates="name\nA\n", sieves="aggregate,aperture_mm,retained_g\nA,16,abc\nB,8,0\nB,8,5\n")
     done = pdlab("import", str(path), folder=tmp_path)
-    refused(done, "sieves.csv, row 2, column retained_g: 'abc' is no number", "sieves.csv, row 4", "already stands")
+    refused(done, "sieves.csv, row 2, column retained_g: 'abc' is no number", "sieves.csv, row 4", "stands twice")
     assert "no aggregates yet" in pdlab("ls", folder=tmp_path).stdout
 
 
@@ -70,7 +71,7 @@ def test_what_the_user_can_mend_ends_with_exit_code_2_and_one_sentence(tmp_path:
     refused(pdlab("predict", "gravel", folder=tmp_path), "the store holds no mixture named 'gravel'")
     refused(pdlab("calibrate", "--rule", "mean", folder=tmp_path), "'mean' is no diameter rule")
     refused(pdlab("predict", "--method", "magic", folder=tmp_path), "'magic' is no method")
-    refused(pdlab("predict", "-o", "gone/out.csv", folder=tmp_path), "does not exist")
+    refused(pdlab("predict", "-o", "gone/out.csv", folder=tmp_path), "cannot be written")
     refused(pdlab("ls", "stones", folder=tmp_path), "'stones' cannot be listed")
     refused(pdlab("import", "gone", folder=tmp_path), "no such file or folder")
     refused(pdlab("ls", "--store", str(SHIPPED / "sieves.csv"), folder=tmp_path), "is no pdlab store")
@@ -118,3 +119,41 @@ def test_lab_predicts_a_frame_of_mixtures(small_lab: Path, monkeypatch: pytest.M
         assert list(out["mixture"]) == ["new"]
         assert 0.5 < out["packing_density"][0] < 0.75
         assert set(lab.aggregates()["friction"].notna()) == {True}
+
+
+def test_what_cannot_be_written_or_served_is_said_before_anything_runs(small_lab: Path, tmp_path: Path) -> None:
+    refused(pdlab("predict", "-o", str(tmp_path), folder=small_lab), "cannot be written")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        done = pdlab("serve", "--port", str(taken.getsockname()[1]), folder=small_lab)
+    refused(done, "is not free", "choose another with --port")
+    assert "the page" not in done.stdout
+
+
+def test_names_are_listed_as_they_were_entered(tmp_path: Path, folder: Folder) -> None:
+    name = "L:M:F :fire: [bold]x[/bold] " + "y" * 40
+    folder(aggregates=f"name\n{name}\n")
+    pdlab("import", str(tmp_path), folder=tmp_path)
+    text = pdlab("ls", folder=tmp_path, COLUMNS="200").stdout
+    assert name[:28] in text
+    assert "y" * 40 in text
+
+
+@pytest.mark.parametrize("address", ["nonsense://x", "sqlite+foo:///x", "postgresql://u@h/d", "http://x:abc/y"])
+def test_a_store_address_that_cannot_be_used_is_a_sentence(tmp_path: Path, address: str) -> None:
+    refused(pdlab("ls", folder=tmp_path, PDLAB_STORE=address), "write sqlite:///FILE or a path")
+
+
+def test_lab_takes_a_path_one_name_and_refuses_an_empty_frame(small_lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from conftest import FormulaRunner
+
+    from pdlab.errors import InputError, TableError
+
+    with Lab(small_lab / "pdlab.db") as lab:
+        monkeypatch.setattr(lab, "runner", FormulaRunner(lab.store))
+        assert list(lab.predict("pebbles L+F 1:1")["mixture"]) == ["pebbles L+F 1:1"]
+        with pytest.raises(TableError, match="the table is empty"):
+            lab.predict(pd.DataFrame(columns=["mixture", "aggregate", "solid_volume_share"]))
+        with pytest.raises(InputError, match="1 seeds give no standard error"):
+            lab.calibrate(seeds=1)

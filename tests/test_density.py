@@ -27,7 +27,8 @@ def test_bases_of_one_stone_give_one_oven_dry_density() -> None:
     [
         ((2600.0, "ssd", None), "'ssd' needs the water absorption"),
         ((2600.0, "apparent", None), "'apparent' needs the water absorption"),
-        ((0.0, "oven_dry", None), "must be above 0"),
+        ((0.0, "oven_dry", None), "lies outside"),
+        ((2.65, "oven_dry", None), "particle density 2.65 kg/m³ lies outside"),
         ((2600.0, "wet", None), "'wet' is unknown"),
         ((2600.0, "ssd", -1.0), "water absorption -1 %"),
     ],
@@ -75,3 +76,8 @@ def test_without_a_deviation_a_stated_error_is_taken_and_said() -> None:
 def test_mass_shares_become_volume_shares_by_density() -> None:
     assert solid_volume_shares([0.5, 0.5], [2600.0, 2600.0]) == pytest.approx([0.5, 0.5])
     assert solid_volume_shares([0.5, 0.5], [2000.0, 4000.0]) == pytest.approx([2 / 3, 1 / 3])
+
+
+def test_a_deviation_in_another_unit_is_refused() -> None:
+    with pytest.raises(DensityError, match=r"standard deviation 20 is 20 in PD, more than 0\.05"):
+        measured_packing("packing_density", 0.6, repeats=3, standard_deviation=20.0)

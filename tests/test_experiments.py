@@ -251,3 +251,79 @@ def test_the_rule_last_asked_for_is_the_one_reported(pebbles: Store, formula_run
     for rule in ("log_mean", "arithmetic", "log_mean"):
         assert {report.rule for report in predict(pebbles, runner, (), rule)} == {rule}
     assert count(pebbles, Prediction) == 6
+
+
+def test_what_names_an_unknown_delivery_is_refused_not_dropped(store: Store, folder: Folder) -> None:
+    path = folder(
+        aggregates="name,delivery\nA,2026-1\n",
+        sieves="aggregate,delivery,aperture_mm,retained_g\nA,2026-I,16,0\nA,2026-I,8,1\n",
+        packing_tests="material,delivery,compaction,voids_percent\nmixture:A,,loose,40\nA,x,loose,40\n",
+    )
+    with pytest.raises(TableError) as caught:
+        load(store, path)
+    assert [str(problem) for problem in caught.value.problems] == [
+        "sieves.csv, row 2, column delivery: no delivery '2026-I' of aggregate 'A' (it has: '2026-1'); "
+        "name one in the column delivery",
+        "packing_tests.csv, row 2, column material: no mixture named 'A'; add it or correct the name",
+        "packing_tests.csv, row 3, column delivery: no delivery 'x' of aggregate 'A' (it has: '2026-1'); "
+        "name one in the column delivery",
+    ]
+
+
+def test_an_empty_delivery_is_the_first_and_importing_it_again_changes_no_other(store: Store, tmp_path: Path) -> None:
+    def folder(name: str, delivery: str, voids: int) -> Path:
+        path = tmp_path / name
+        path.mkdir()
+        (path / "aggregates.csv").write_text(f"name,delivery\nA,{delivery}\n")
+        (path / "sieves.csv").write_text(
+            f"aggregate,delivery,aperture_mm,retained_g\nA,{delivery},16,0\nA,{delivery},8,1\n"
+        )
+        (path / "packing_tests.csv").write_text(
+            f"material,delivery,compaction,voids_percent\nA,{delivery},loose,{voids}\n"
+        )
+        return path
+
+    first, second = folder("first", "", 40), folder("second", "2", 39)
+    load(store, first)
+    load(store, second)
+    assert not any(load(store, first).new.values())
+    with store.read() as session:
+        row = store_module.aggregates(session, ["A"])[0]
+    assert row.delivery == "2"
+    assert [test.voids_percent for test in row.packing_tests] == [39.0]
+
+
+def test_a_mixture_keeps_its_deliveries_and_is_predicted_from_them(
+    store: Store, folder: Folder, formula_runner: Any
+) -> None:
+    tables = {"aggregates": AGGREGATES, "sieves": SIEVES, "packing_tests": TESTS, "mixtures": MIXTURES}
+    load(store, folder(**tables))
+    before = predict(store, formula_runner(store))[0]
+    (folder() / "mixtures.csv").unlink()
+    may = folder(
+        aggregates="name,delivery\nA,May\n",
+        sieves="aggregate,delivery,aperture_mm,retained_g\nA,May,4,0\nA,May,2,1\n",
+        packing_tests="material,delivery,compaction,voids_percent\nA,May,loose,42\n",
+    )
+    load(store, may)
+    load(store, folder(**tables))
+    assert predict(store, formula_runner(store))[0] == before
+
+
+def test_a_prediction_on_tests_since_repeated_is_marked(pebbles: Store, folder: Folder, formula_runner: Any) -> None:
+    predict(pebbles, formula_runner(pebbles))
+    load(pebbles, folder(packing_tests="material,compaction,voids_percent\npebbles L,loose,40.5\n"))
+    states = {report.mixture: report.state for report in comparisons(pebbles)}
+    assert states == {"pebbles L+M 1:1": "outdated", "pebbles L+F 1:1": "outdated", "pebbles M+F 1:1": "done"}
+    assert "pebbles L: tested or sieved anew since" in comparisons(pebbles)[0].message
+    assert {report.state for report in predict(pebbles, formula_runner(pebbles))} == {"done"}
+
+
+def test_bad_mass_shares_and_one_delivery_twice_are_named(store: Store, folder: Folder) -> None:
+    mixtures = "mixture,aggregate,delivery,mass_share\nM,A,,0.5\nM,B,,-0.5\nN,A,,0.5\nN,A,1,0.5\n"
+    densities = "particle_density_kg_m3,density_basis\nA,1,2000,oven_dry\nB,,2000,oven_dry\n"
+    with pytest.raises(TableError) as caught:
+        load(store, folder(aggregates=f"name,delivery,{densities}", mixtures=mixtures))
+    text = str(caught.value)
+    assert "share -0.5 lies outside (0, 1]" in text
+    assert "mixture 'N' names one delivery of an aggregate twice" in text

@@ -36,7 +36,7 @@ def test_the_standard_error_holds_seeds_and_curves_and_the_input_error_the_measu
     assert result.packing_density == pytest.approx(0.66)
     weights = [0.6 * (0.66 / 0.6) ** 2, 0.4 * (0.66 / 0.583) ** 2]
     seeds = math.sqrt((0.004**2 * 2) / 3) / 2.0
-    assert result.standard_error == pytest.approx(math.hypot(seeds, weights[0] * 0.001, weights[1] * 0.002))
+    assert result.standard_error == pytest.approx(math.hypot(seeds, weights[0] * 0.001 + weights[1] * 0.002))
     assert result.input_error == pytest.approx(math.hypot(weights[0] * 0.005, weights[1] * 0.004))
 
 

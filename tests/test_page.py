@@ -96,7 +96,7 @@ def test_every_error_stands_beside_its_row_and_nothing_is_saved(lab: Store) -> N
 @pytest.mark.parametrize(
     ("sieves", "mass", "message"),
     [
-        ("16 0\n8 5\n8 5", "", "aperture 8 mm already stands in row 2"),
+        ("16 0\n8 5\n8 5", "", "aperture 8 mm stands twice"),
         ("16 0\n-8 5", "", "aperture -8 mm must be above 0"),
         ("16 5\n8 5", "", "50 % lie on the coarsest sieve"),
         ("16 0\n8 95", "100", "off the sample mass of 100 g"),
@@ -152,3 +152,39 @@ def test_a_store_that_cannot_be_opened_is_a_sentence(tmp_path: Path, monkeypatch
     st.cache_resource.clear()
     app = page()
     assert "is no pdlab store" in plain(app)[1][0]
+
+
+def test_an_empty_sieve_table_is_named_when_saved(lab: Store) -> None:
+    app = save(type_in(page(), name="G"))
+    assert any("the sieve table is empty" in text for text in plain(app)[1])
+
+
+def test_a_density_test_without_a_value_is_named_and_not_lost(lab: Store) -> None:
+    app = save(type_in(page(), name="G", sieves="16 0\n8 100", repeats="3"))
+    assert any("the density test has no value" in text for text in plain(app)[1])
+    assert stored(lab) == []
+
+
+def test_a_test_is_added_to_an_imported_aggregate_and_names_lose_their_blanks(lab: Store) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    app = type_in(
+        page(), name=" pebbles L ", sieves="60,96 0\n40,64 100", density_value="1500", particle_density="2600"
+    )
+    save(app)
+    assert any("pebbles L' is there with particle_density" in text or "saved" in text for text in plain(app)[1])
+    app = page()
+    app.selectbox(key="density_kind").set_value("voids_percent")
+    save(type_in(app, name=" pebbles L ", sieves="60,96 0\n40,64 100", density_value="39,5"))
+    with lab.read() as session:
+        row = store_module.aggregates(session, ["pebbles L"])[0]
+    assert [test.voids_percent for test in row.packing_tests] == [40.0, 39.5]
+
+
+def test_the_first_delivery_s_test_does_not_go_to_a_later_one(lab: Store) -> None:
+    save(type_in(page(), name="G", sieves="16 0\n8 100"))
+    save(type_in(page(), name="G", delivery="May", sieves="16 0\n8 100"))
+    save(type_in(page(), name="G", sieves="16 0\n4 100"))
+    with lab.read() as session:
+        found = {name: store_module.find_aggregate(session, "G", name) for name in ("", "May")}
+        counts = {name: len(row.sieve_analyses) for name, row in found.items() if row is not None}
+    assert counts == {"": 2, "May": 1}

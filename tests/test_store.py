@@ -48,6 +48,7 @@ def test_a_file_that_is_no_store_is_refused_and_left_as_it_was(tmp_path: Path) -
     other = tmp_path / "other.db"
     with sqlite3.connect(other) as connection:
         connection.execute("CREATE TABLE music (title TEXT)")
+    connection.close()
     before = other.read_bytes()
     for call in (open_store, upgrade):
         with pytest.raises(StoreError, match=r"holds other tables \(music\)"):
@@ -73,6 +74,7 @@ def test_a_store_of_another_revision_says_what_to_do(
     open_store(str(path)).close()
     with sqlite3.connect(path) as connection:
         connection.execute("UPDATE alembic_version SET version_num = ?", (revision,))
+    connection.close()
     if revision == "0000":
         monkeypatch.setattr(store_module, "_known_revisions", lambda: {"0000", "0001"})
     with pytest.raises(StoreError, match=message):
@@ -147,4 +149,28 @@ def test_a_block_that_fails_keeps_nothing(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError):
         fail()
     with opened.read() as session:
-        assert store_module.find_aggregate(session, "A") is None
+        assert store_module.find_aggregate(session, "A", "") is None
+
+
+def test_a_store_locked_by_another_writer_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store_module, "LOCK_TIMEOUT", 0.1)
+    opened = open_store(str(tmp_path / "lab.db"))
+    with sqlite3.connect(tmp_path / "lab.db", isolation_level=None) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreError, match=r"cannot be used \(database is locked\)"), opened.write() as session:
+            session.add(Aggregate(name="A", delivery=""))
+        other.execute("ROLLBACK")
+    other.close()
+
+
+def test_a_folder_and_a_foreign_database_with_our_revision_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="is a folder"):
+        open_store(str(tmp_path))
+    path = tmp_path / "other.db"
+    with sqlite3.connect(path) as connection:
+        connection.execute("CREATE TABLE alembic_version (version_num TEXT)")
+        connection.execute("INSERT INTO alembic_version VALUES ('0001')")
+    connection.close()
+    for call in (open_store, upgrade):
+        with pytest.raises(StoreError, match="no pdlab store"):
+            call(str(path))

@@ -20,6 +20,10 @@ RunAll = Callable[[Sequence[Specimen]], list[Packing | EngineError]]
 """Runs specimens, or reads those already run; returns in the same order what each gave."""
 
 
+LEAST_SEEDS = 2
+"""Beds that a standard error needs."""
+
+
 @dataclass(frozen=True)
 class CalibrationReport:
     """An aggregate's calibration, or the error that stands in its place."""
@@ -71,14 +75,23 @@ def calibrate(
     """Calibrate the named aggregates, or all; each one's error stands in its report.
 
     Runs are shared: the nodes of the curve PD(μ) that any aggregate needs are run once for all. Raises
-    UnknownName, and GradingError for an unknown ``rule``.
+    UnknownName, and InputError for an unknown ``rule`` or fewer than two ``seeds``.
     """
-    if rule not in grading.RULES:
-        raise InputError(f"'{rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
     with target.read() as session:
         rows = store.aggregates(session, names)
     if not rows:
         raise InputError("the store holds no aggregate yet; import some, or run 'pdlab demo'")
+    return calibrate_rows(target, run_all, rows, rule, seeds)
+
+
+def calibrate_rows(
+    target: Store, run_all: RunAll, rows: Sequence[Aggregate], rule: str, seeds: int
+) -> list[CalibrationReport]:
+    """Calibrate aggregates as ``calibrate`` does, each in the delivery that is handed in."""
+    if rule not in grading.RULES:
+        raise InputError(f"'{rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
+    if seeds < LEAST_SEEDS:
+        raise InputError(f"{seeds} seeds give no standard error; use at least {LEAST_SEEDS}")
     reports, waiting = dict[int, CalibrationReport](), dict[int, _Open]()
     for row in rows:
         try:

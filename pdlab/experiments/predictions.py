@@ -8,8 +8,8 @@ from typing import Any
 from pdlab import mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import EngineError, InputError, PdlabError
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate, equals, protocol_text
-from pdlab.experiments.readings import measured_mixture
+from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, equals, protocol_text
+from pdlab.experiments.readings import is_stale, measured_mixture
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
 from pdlab.specimen import Packing, Specimen
@@ -64,14 +64,18 @@ def predict(
 ) -> list[PredictionReport]:
     """Predict the named mixtures, or all, calibrating their aggregates first where needed.
 
+    ``seeds``: beds at each node of the curve, and of each mixture at first.
+
     Each mixture's error stands in its report. Raises UnknownName.
     """
     with target.read() as session:
         rows = store.mixtures(session, names)
     if not rows:
         raise InputError("the store holds no mixture yet; import some, or run 'pdlab demo'")
-    ids = {part.aggregate_id: part.aggregate.name for row in rows for part in row.components}
-    known = {report.aggregate_id: report for report in calibrate(target, run_all, list(ids.values()), rule)}
+    ids = list(dict.fromkeys(part.aggregate_id for row in rows for part in row.components))
+    with target.read() as session:
+        parts = store.aggregates_by_id(session, ids)
+    known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, rule, seeds)}
     blends = [_open_blend(row, known) for row in rows]
     _run_blends(blends, run_all, seeds)
     for blend in blends:
@@ -88,21 +92,16 @@ def predict(
 
 def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
     parts, ids = [], []
+    total = math.fsum(component.solid_volume_share for component in row.components)  # 1 but for rounding
     for component in row.components:
-        report = known.get(component.aggregate_id)
-        if report is None:
-            error = InputError(
-                f"mixture '{row.name}' rests on an older delivery of '{component.aggregate.name}'; "
-                "make the mixture anew with the current one"
-            )
-            return _Blend(row, [], [], error=error)
+        report = known[component.aggregate_id]
         if report.result is None or report.calibration_id is None:
             text = f"aggregate '{report.aggregate}' of mixture '{row.name}' has no friction coefficient: {report.error}"
             return _Blend(row, [], [], error=type(report.error or InputError())(text))
         ids.append(report.calibration_id)
         parts.append(
             mixture.Part(
-                report.aggregate, component.solid_volume_share, report.diameter, report.result.friction,
+                report.aggregate, component.solid_volume_share / total, report.diameter, report.result.friction,
                 report.measured, report.result.input_error, report.result.curve_error, report.compaction,
                 report.density,
             )
@@ -186,6 +185,11 @@ def _open_comparison(row: Mixture) -> PredictionReport:
 
 def _comparison(row: Prediction) -> PredictionReport:
     measured = measured_mixture(row.mixture)
+    total = math.fsum(part.solid_volume_share for part in row.mixture.components)
+    notes = (row.warnings or "").splitlines()
+    stale = [link.calibration.aggregate.name for link in row.calibrations if is_stale(link.calibration)]
+    if stale:
+        notes.append(f"{', '.join(stale)}: tested or sieved anew since; run 'pdlab predict' again")
     alone = {link.calibration.aggregate_id: link.calibration.measured_packing_density for link in row.calibrations}
     return PredictionReport(
         mixture=row.mixture.name,
@@ -196,9 +200,12 @@ def _comparison(row: Prediction) -> PredictionReport:
         input_error=row.input_error,
         measured=measured.packing_density if measured else None,
         measured_error=measured.standard_error if measured else None,
-        volume_mean=math.fsum(part.solid_volume_share * alone[part.aggregate_id] for part in row.mixture.components),
+        volume_mean=math.fsum(
+            part.solid_volume_share / total * alone[part.aggregate_id] for part in row.mixture.components
+        ),
         seeds=len(row.runs),
-        message=(row.warnings or "").replace("\n", "; "),
+        state="outdated" if stale else row.state,
+        message="; ".join(notes),
         prediction_id=row.id,
     )
 

@@ -5,7 +5,7 @@ import math
 from pdlab import density, grading, store
 from pdlab.density import MeasuredPacking
 from pdlab.grading import Grading, SieveRow, SieveTable
-from pdlab.models import Aggregate, Mixture, PackingTest, SieveAnalysis
+from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, SieveAnalysis
 from pdlab.tables import DENSITY_KINDS
 
 
@@ -29,7 +29,7 @@ def mean_density(blend: Mixture) -> float | None:
     known = [(part.solid_volume_share, particle_density(part.aggregate)) for part in blend.components]
     if any(value is None for _, value in known):
         return None
-    return math.fsum(share * (value or 0.0) for share, value in known)
+    return math.fsum(share * (value or 0.0) for share, value in known) / math.fsum(share for share, _ in known)
 
 
 def measured_test(test: PackingTest, particle: float | None) -> MeasuredPacking:
@@ -55,3 +55,10 @@ def current_grading(aggregate: Aggregate) -> Grading | None:
     if not aggregate.sieve_analyses:
         return None
     return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]))
+
+
+def is_stale(fit: Calibration) -> bool:
+    """Return whether an aggregate was tested or sieved anew since its calibration."""
+    row = fit.aggregate
+    test = store.newest_test(row.packing_tests)
+    return test is None or test.id != fit.packing_test_id or row.sieve_analyses[-1].id != fit.sieve_analysis_id

@@ -1,21 +1,13 @@
 """What users bring, text → plain records: one parser for the shell, Python and the page; no SQL."""
 
-from pdlab.tables.cells import ParseError, number_above_zero, parse_integer, parse_number
-from pdlab.tables.files import (
-    DENSITY_KINDS,
-    LAYOUT,
-    MixtureRecord,
-    Row,
-    SieveRecord,
-    Tables,
-    read_frame,
-    read_frames,
-    read_path,
-)
+from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
+from pdlab.tables.files import read_frame, read_frames, read_path
+from pdlab.tables.layout import DENSITY_KINDS, DENSITY_UNITS, LAYOUT, MixtureRecord, Row, SieveRecord, Tables
 from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
 
 __all__ = [
     "DENSITY_KINDS",
+    "DENSITY_UNITS",
     "LAYOUT",
     "MixtureRecord",
     "ParseError",
@@ -23,8 +15,8 @@ __all__ = [
     "Row",
     "SieveRecord",
     "Tables",
+    "above_zero",
     "check_pasted",
-    "number_above_zero",
     "parse_integer",
     "parse_number",
     "read_frame",

@@ -8,50 +8,67 @@ from collections.abc import Callable
 from pdlab.errors import InputError
 
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
-UNITS = ("kg/m³", "kg/m3", "mm", "g", "%")
+AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+LARGEST_INTEGER = 1_000_000
 
 
 class ParseError(InputError):
     """A text that is not the number, date or word that was asked for."""
 
 
-def parse_number(text: str) -> float:
-    """Return the number a text stands for: decimal point or comma, a unit behind it allowed.
+def parse_number(text: str, *units: str) -> float:
+    """Return the number a text stands for: decimal point or comma, one of ``units`` behind it allowed.
 
-    Raises ParseError for anything else, a thousands separator included.
+    Raises ParseError for anything else: a thousands separator, or what may be one (1,240), too.
     """
     bare = text.strip()
-    for unit in UNITS:
+    for unit in units:
         if bare.endswith(unit):
             bare = bare[: -len(unit)].rstrip()
             break
     if not NUMBER.fullmatch(bare):
-        raise ParseError(f"'{text.strip()}' is no number; write it like 12.5 or 12,5, without thousands separators")
+        like = f" {units[0]}" if units else ""
+        raise ParseError(
+            f"'{text.strip()}' is no number; write it like 12.5{like} or 12,5{like}, without thousands separators"
+        )
+    if AMBIGUOUS.fullmatch(bare):
+        raise ParseError(
+            f"'{text.strip()}' may be {bare.replace(',', '')} or {bare.replace(',', '.')}; write one of these"
+        )
     value = float(bare.replace(",", "."))
     if not math.isfinite(value):
         raise ParseError(f"'{text.strip()}' is too large a number; correct it")
     return value
 
 
+def number(*units: str) -> Callable[[str], float]:
+    """Return a parser of numbers that allows ``units`` behind them, and no others."""
+    return lambda text: parse_number(text, *units)
+
+
+def above_zero(*units: str) -> Callable[[str], float]:
+    """Return a parser of positive numbers that allows ``units`` behind them."""
+
+    def parse(text: str) -> float:
+        value = parse_number(text, *units)
+        if not value > 0.0:
+            raise ParseError(f"{value:g} must be above 0; correct it")
+        return value
+
+    return parse
+
+
 def parse_integer(text: str) -> int:
     """Return the whole number a text stands for. Raises ParseError."""
     value = parse_number(text)
-    if value != int(value):
-        raise ParseError(f"'{text.strip()}' is no whole number; correct it")
+    if abs(value) > LARGEST_INTEGER or value != int(value):
+        raise ParseError(f"'{text.strip()}' is no whole number up to {LARGEST_INTEGER}; correct it")
     return int(value)
-
-
-def number_above_zero(text: str) -> float:
-    """Return the positive number a text stands for. Raises ParseError."""
-    value = parse_number(text)
-    if not value > 0.0:
-        raise ParseError(f"{value:g} must be above 0; correct it")
-    return value
 
 
 def percent_below_100(text: str) -> float:
     """Return the number in [0, 100) that a text stands for. Raises ParseError."""
-    value = parse_number(text)
+    value = parse_number(text, "%")
     if not 0.0 <= value < 100.0:
         raise ParseError(f"{value:g} % must lie in [0, 100); correct it")
     return value
@@ -67,7 +84,7 @@ def parse_date(text: str) -> dt.date:
 
 def parse_aperture(text: str) -> float | None:
     """Return an aperture [mm], None for the pan. Raises ParseError."""
-    return None if text.strip().lower() == "pan" else parse_number(text)
+    return None if text.strip().lower() == "pan" else parse_number(text, "mm")
 
 
 def word_of(*allowed: str) -> Callable[[str], str]:
@@ -82,5 +99,8 @@ def word_of(*allowed: str) -> Callable[[str], str]:
 
 
 def parse_text(text: str) -> str:
-    """Return the text without the blanks around it."""
-    return text.strip()
+    """Return the text without the blanks around it. Raises ParseError for control characters."""
+    bare = text.strip()
+    if not all(character.isprintable() for character in bare):
+        raise ParseError(f"{bare!r} holds characters that cannot be shown; write it anew")
+    return bare

@@ -1,139 +1,30 @@
-"""CSV files and pandas frames → records, with every problem by file, row (as a spreadsheet counts) and column."""
+"""CSV files and pandas frames → parsed rows, with every problem by file, row and column.
 
-import datetime as dt
+Rows are counted as a spreadsheet counts them: the header is row 1.
+"""
+
+import csv
 import io
-import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from pdlab.density import BASES, COMPACTIONS
 from pdlab.errors import Problem, TableError
-from pdlab.grading import KINDS, SieveRow, SieveTable, check
-from pdlab.specimen import SHARE_TOLERANCE
-from pdlab.tables.cells import (
-    ParseError,
-    number_above_zero,
-    parse_aperture,
-    parse_date,
-    parse_integer,
-    parse_number,
-    parse_text,
-    percent_below_100,
-    word_of,
-)
+from pdlab.tables.cells import ParseError
+from pdlab.tables.layout import LAYOUT, MARKS, Column, Row, Tables
+from pdlab.tables.records import Rows, gather
 
 
 @dataclass(frozen=True)
-class Row:
-    """A line of a table: where it stands and its parsed cells, None where a cell was empty.
-
-    ``sound`` is False when a cell could not be read: what such a row says is not known.
-    """
+class Sheet:
+    """A table's cells as text: the file's name, its header, and its lines with their row numbers."""
 
     file: str
-    line: int
-    cells: dict[str, Any]
-    raw: dict[str, str]
-    sound: bool
-
-    def problem(self, message: str, column: str | None = None) -> Problem:
-        """Return a problem of this row."""
-        return Problem(self.file, self.line, column, message)
-
-
-@dataclass(frozen=True)
-class SieveRecord:
-    """A sieve analysis: its table, the raw text of each row, and where it stood."""
-
-    aggregate: str
-    delivery: str | None
-    table: SieveTable
-    raw: tuple[str, ...]
-    standard: str | None
-    date: dt.date | None
-    first: Row
-
-
-@dataclass(frozen=True)
-class MixtureRecord:
-    """A mixture: aggregates and their shares, by solid volume or by mass."""
-
-    name: str
-    aggregates: tuple[str, ...]
-    shares: tuple[float, ...]
-    by_mass: bool
-    first: Row
-
-
-@dataclass
-class Tables:
-    """All that was brought, and every problem found on the way."""
-
-    aggregates: list[Row] = field(default_factory=list)
-    sieves: list[SieveRecord] = field(default_factory=list)
-    packing_tests: list[Row] = field(default_factory=list)
-    mixtures: list[MixtureRecord] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
-    named_aggregates: set[str] = field(default_factory=set)
-    named_mixtures: set[str] = field(default_factory=set)
-
-
-@dataclass(frozen=True)
-class Column:
-    """How a column is read, and whether every row must fill it."""
-
-    parse: Callable[[str], Any]
-    required: bool = False
-
-
-DENSITY_KINDS = ("bulk_density_kg_m3", "voids_percent", "packing_density")
-SHARE_KINDS = ("solid_volume_share", "mass_share")
-LAYOUT: dict[str, dict[str, Column]] = {
-    "aggregates": {
-        "name": Column(parse_text, required=True),
-        "delivery": Column(parse_text),
-        "particle_density_kg_m3": Column(number_above_zero),
-        "density_basis": Column(word_of(*BASES)),
-        "water_absorption_percent": Column(percent_below_100),
-        "shape": Column(parse_text),
-        "source": Column(parse_text),
-        "repose_angle_deg": Column(parse_number),
-        "wall_angle_deg": Column(parse_number),
-    },
-    "sieves": {
-        "aggregate": Column(parse_text, required=True),
-        "delivery": Column(parse_text),
-        "aperture_mm": Column(parse_aperture, required=True),
-        **{kind: Column(parse_number) for kind in KINDS},
-        "sample_mass_g": Column(number_above_zero),
-        "pan_lower_mm": Column(number_above_zero),
-        "standard": Column(parse_text),
-        "date": Column(parse_date),
-    },
-    "packing_tests": {
-        "material": Column(parse_text, required=True),
-        "compaction": Column(word_of(*COMPACTIONS), required=True),
-        **{kind: Column(parse_number) for kind in DENSITY_KINDS},
-        "repeats": Column(parse_integer),
-        "standard_deviation": Column(parse_number),
-        "container_diameter_mm": Column(number_above_zero),
-        "container_height_mm": Column(number_above_zero),
-        "standard": Column(parse_text),
-        "date": Column(parse_date),
-    },
-    "mixtures": {
-        "mixture": Column(parse_text, required=True),
-        "aggregate": Column(parse_text, required=True),
-        **{kind: Column(parse_number) for kind in SHARE_KINDS},
-    },
-}
-"""The table format: each table's columns."""
-MARKS = {"sieves": "aperture_mm", "packing_tests": "compaction", "mixtures": "mixture", "aggregates": "name"}
-"""The column by which a single file is told."""
+    header: list[str]
+    lines: list[tuple[int, list[str]]]
 
 
 def read_path(path: Path) -> Tables:
@@ -141,22 +32,34 @@ def read_path(path: Path) -> Tables:
 
     What is wrong inside the tables is gathered in ``Tables.problems``.
     """
-    if path.is_dir():
-        files = {name: path / f"{name}.csv" for name in LAYOUT}
-        present = {name: file for name, file in files.items() if file.is_file()}
-        if not present:
-            wanted = ", ".join(f"{name}.csv" for name in LAYOUT)
-            raise TableError([Problem(str(path), None, None, f"the folder holds no table; it may hold {wanted}")])
-    elif path.is_file():
-        present = {"": path}
-    else:
-        raise TableError([Problem(str(path), None, None, "no such file or folder; correct the path")])
-    out, rows = Tables(), dict[str, list[Row]]()
-    for name, file in present.items():
-        frame = _read_text(file, out.problems)
-        if frame is not None:
-            _read_frame(frame, name or _kind_of(frame), file.name, rows, out)
-    return _gather(rows, out)
+    out, rows = Tables(), Rows()
+    for kind, file in _files(path, out):
+        sheet = _read_csv(file, out)
+        if sheet is not None:
+            _read_sheet(sheet, kind or _kind_of(sheet.header), rows, out)
+        else:
+            out.unreadable.add(kind)
+    return gather(rows, out)
+
+
+def _files(path: Path, out: Tables) -> list[tuple[str, Path]]:
+    """Return the tables at a path with their kind, empty where the header must tell it."""
+    try:
+        if path.is_file():
+            return [("", path)]
+        if not path.is_dir():
+            raise TableError([Problem(str(path), None, None, "no such file or folder; correct the path")])
+        found = sorted(file for file in path.iterdir() if file.suffix.lower() == ".csv")
+    except OSError as error:
+        message = f"it cannot be read ({error.strerror}); correct the path or its permissions"
+        raise TableError([Problem(str(path), None, None, message)]) from error
+    wanted = ", ".join(f"{name}.csv" for name in LAYOUT)
+    if not found:
+        raise TableError([Problem(str(path), None, None, f"the folder holds no table; it may hold {wanted}")])
+    for file in found:
+        if file.stem not in LAYOUT:
+            out.problems.append(Problem(file.name, None, None, f"no table of this name; a folder may hold {wanted}"))
+    return [(name, path / f"{name}.csv") for name in LAYOUT if path / f"{name}.csv" in found]
 
 
 def read_frame(frame: pd.DataFrame, kind: str) -> Tables:
@@ -166,171 +69,103 @@ def read_frame(frame: pd.DataFrame, kind: str) -> Tables:
 
 def read_frames(frames: dict[str, pd.DataFrame]) -> Tables:
     """Read tables from pandas frames by their names, as if they had been files' text."""
-    out, rows = Tables(), dict[str, list[Row]]()
+    out, rows = Tables(), Rows()
     for kind, frame in frames.items():
         text = frame.astype(object).where(frame.notna(), "").map(str)
-        _read_frame(text, kind, f"{kind} frame", rows, out)
-    return _gather(rows, out)
+        lines = [(k + 2, list(line)) for k, line in enumerate(text.itertuples(index=False, name=None))]
+        header = [str(name).strip() for name in frame.columns]
+        _read_sheet(Sheet(f"{kind} frame", header, lines), kind, rows, out)
+    return gather(rows, out)
 
 
-def _read_text(file: Path, problems: list[Problem]) -> pd.DataFrame | None:
+def _decode(content: bytes) -> str:
+    """Return a file's text: UTF-8 with or without BOM, else the Western European code page."""
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252")
+
+
+def _read_csv(file: Path, out: Tables) -> Sheet | None:
     """Return a CSV file's cells as text; None, and a problem, where it is no table."""
     try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = file.read_bytes().decode("latin-1")
-    head = text.split("\n", 1)[0]
-    separator = max(",;\t", key=head.count)
-    try:
-        return pd.read_csv(
-            io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, skipinitialspace=True,
-            skip_blank_lines=False, index_col=False, on_bad_lines="error",
-        )  # fmt: skip
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        message = f"this is no table ({str(error).strip()}); save it as CSV with one header row"
-        problems.append(Problem(file.name, None, None, message))
+        text = _decode(file.read_bytes())
+        separator = max(",;\t", key=text.split("\n", 1)[0].count)
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True, strict=True)
+        numbered = list(_numbered(reader))
+    except (UnicodeDecodeError, csv.Error) as error:
+        out.problems.append(Problem(file.name, None, None, f"this is no table ({error}); save it as CSV in UTF-8"))
         return None
+    except OSError as error:
+        out.problems.append(Problem(file.name, None, None, f"it cannot be read ({error.strerror}); allow reading it"))
+        return None
+    if not numbered:
+        out.problems.append(Problem(file.name, None, None, "this is no table (it is empty); give it a header row"))
+        return None
+    return Sheet(file.name, [name.strip() for name in numbered[0][1]], numbered[1:])
 
 
-def _kind_of(frame: pd.DataFrame) -> str:
-    names = {str(name).strip() for name in frame.columns}
-    return next((kind for kind, mark in MARKS.items() if mark in names), "")
+def _numbered(reader: Any) -> Iterator[tuple[int, list[str]]]:
+    """Give each line that is not blank with the row in which it begins."""
+    begins = 1
+    for cells in reader:
+        if any(cell.strip() for cell in cells):
+            yield begins, cells
+        begins = reader.line_num + 1
 
 
-def _read_frame(frame: pd.DataFrame, kind: str, file: str, rows: dict[str, list[Row]], out: Tables) -> None:
+def _kind_of(header: list[str]) -> str:
+    return next((kind for kind, mark in MARKS.items() if mark in header), "")
+
+
+def _read_sheet(sheet: Sheet, kind: str, rows: Rows, out: Tables) -> None:
     """Parse every cell of a table; append its rows and problems."""
-    names = [str(name).strip() for name in frame.columns]
+    wrong = [Problem(sheet.file, 1, name, message) for name, message in _check_header(sheet.header, kind)]
+    if kind and not sheet.lines:
+        wrong.append(Problem(sheet.file, None, None, "the table is empty; fill it or leave it out"))
+    out.problems += wrong
+    if any(name not in sheet.header for name, column in LAYOUT.get(kind, {}).items() if column.required) or not kind:
+        out.unreadable.add(kind)
+        return
+    for line, cells in sheet.lines:
+        extra = [cell for cell in cells[len(sheet.header) :] if cell.strip()]
+        if extra or len(cells) < len(sheet.header):
+            message = (
+                f"{len(cells)} cells under {len(sheet.header)} columns; put a text with the separator in quotes, and "
+                "use semicolons between cells with decimal commas"
+            )
+            out.problems.append(Problem(sheet.file, line, None, message))
+        raw = {name: cell for name, cell in zip(sheet.header, cells, strict=False) if name in LAYOUT[kind]}
+        rows.of(kind).append(_parse_row(raw, LAYOUT[kind], (sheet.file, line), out, not extra))
+
+
+def _check_header(header: list[str], kind: str) -> Iterator[tuple[str | None, str]]:
     if not kind:
-        marks = ", ".join(f"{mark} ({name})" for name, mark in MARKS.items())
-        out.problems.append(Problem(file, 1, None, f"no known table; its header needs one of {marks}"))
+        yield None, f"no known table; its header needs one of {', '.join(f'{m} ({name})' for name, m in MARKS.items())}"
         return
-    layout = LAYOUT[kind]
-    for name in sorted(set(names) - set(layout)):
-        known = ", ".join(layout)
-        out.problems.append(Problem(file, 1, name, f"'{name}' is no column of {kind}.csv; it knows {known}"))
-    for name in [name for name, column in layout.items() if column.required and name not in names]:
-        out.problems.append(Problem(file, 1, name, f"the column '{name}' is missing; add it"))
-        return
-    for number, values in enumerate(frame.itertuples(index=False, name=None)):
-        raw = {name: str(value) for name, value in zip(names, values, strict=True) if name in layout}
-        if any(value.strip() for value in raw.values()):
-            rows.setdefault(kind, []).append(_parse_row(raw, layout, file, number + 2, out))
-    _name_all(kind, frame.set_axis(names, axis=1), out)
+    known = ", ".join(LAYOUT[kind])
+    for name in dict.fromkeys(header):
+        if name and name not in LAYOUT[kind]:
+            yield name, f"'{name}' is no column of {kind}.csv; it knows {known}"
+        elif name and header.count(name) > 1:
+            yield name, f"the column '{name}' stands {header.count(name)} times; keep one"
+    for name, column in LAYOUT[kind].items():
+        if column.required and name not in header:
+            yield name, f"the column '{name}' is missing; add it"
 
 
-def _name_all(kind: str, frame: pd.DataFrame, out: Tables) -> None:
-    """Remember every name that the tables introduce, so that a bad row is not reported as unknown too."""
-    if kind == "aggregates":
-        out.named_aggregates |= {str(name).strip() for name in frame["name"]}
-    if kind == "mixtures":
-        out.named_mixtures |= {str(name).strip() for name in frame["mixture"]}
-
-
-def _parse_row(raw: dict[str, str], layout: dict[str, Column], file: str, line: int, out: Tables) -> Row:
-    cells, sound = dict[str, Any](), True
+def _parse_row(raw: dict[str, str], layout: dict[str, Column], place: tuple[str, int], out: Tables, whole: bool) -> Row:
+    cells, sound = dict[str, Any](), whole
     for name, column in layout.items():
         text, cells[name] = raw.get(name, ""), None
         if not text.strip():
             if column.required:
-                out.problems.append(Problem(file, line, name, "the cell is empty; fill it"))
+                out.problems.append(Problem(*place, name, "the cell is empty; fill it"))
                 sound = False
             continue
         try:
             cells[name] = column.parse(text)
         except ParseError as error:
-            out.problems.append(Problem(file, line, name, str(error)))
+            out.problems.append(Problem(*place, name, str(error)))
             sound = False
-    return Row(file, line, cells, raw, sound)
-
-
-def _gather(rows: dict[str, list[Row]], out: Tables) -> Tables:
-    """Make records of rows that belong together and check what one table alone can show."""
-    out.aggregates = [row for row in rows.get("aggregates", []) if row.sound]
-    for row in out.aggregates:
-        if (row.cells["particle_density_kg_m3"] is None) != (row.cells["density_basis"] is None):
-            message = "a particle density and its basis go together; fill both or neither"
-            out.problems.append(row.problem(message, "density_basis"))
-    for test in rows.get("packing_tests", []):
-        if test.sound and _one_kind(test, DENSITY_KINDS, out.problems) is not None:
-            out.packing_tests.append(test)
-    for group in _groups(rows.get("sieves", []), "aggregate", "delivery", "standard", "date"):
-        _gather_sieves(group, out)
-    for group in _groups(rows.get("mixtures", []), "mixture"):
-        _gather_mixture(group, out)
-    return out
-
-
-def _groups(rows: Iterable[Row], *keys: str) -> list[list[Row]]:
-    groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(row.cells[key] for key in keys), []).append(row)
-    return list(groups.values())
-
-
-def _one_kind(row: Row, kinds: tuple[str, ...], problems: list[Problem]) -> str | None:
-    given = [kind for kind in kinds if row.cells[kind] is not None]
-    if len(given) == 1:
-        return given[0]
-    what = f"{' and '.join(given)} are" if given else "none is"
-    problems.append(row.problem(f"{what} filled; fill exactly one of {', '.join(kinds)}"))
-    return None
-
-
-def _kind_of_group(group: list[Row], kinds: tuple[str, ...], problems: list[Problem]) -> str | None:
-    """Return the one kind of value that all rows of a group give; None, and problems, if there is none."""
-    if not all(row.sound for row in group):
-        return None
-    given = [_one_kind(row, kinds, problems) for row in group]
-    if None in given:
-        return None
-    for row, kind in zip(group, given, strict=True):
-        if kind != given[0]:
-            message = f"this row gives {kind}, those before it {given[0]}; use one for rows that belong together"
-            problems.append(row.problem(message, kind))
-            return None
-    return given[0]
-
-
-def _gather_sieves(group: list[Row], out: Tables) -> None:
-    kind = _kind_of_group(group, KINDS, out.problems)
-    if kind is None:
-        return
-    cells = group[0].cells
-    table = SieveTable(
-        tuple(SieveRow(row.cells["aperture_mm"], row.cells[kind]) for row in group),
-        kind,
-        cells["sample_mass_g"],
-        cells["pan_lower_mm"],
-    )
-    wrong = check(table)
-    for error in wrong:
-        row = group[error.row or 0]
-        out.problems.append(row.problem(str(error), None if error.row is None else "aperture_mm"))
-    if not wrong:
-        raw = tuple(f"{row.raw['aperture_mm']}\t{row.raw[kind]}" for row in group)
-        out.sieves.append(
-            SieveRecord(cells["aggregate"], cells["delivery"], table, raw, cells["standard"], cells["date"], group[0])
-        )
-
-
-def _gather_mixture(group: list[Row], out: Tables) -> None:
-    kind = _kind_of_group(group, SHARE_KINDS, out.problems)
-    if kind is None:
-        return
-    first, name = group[0], group[0].cells["mixture"]
-    names = [row.cells["aggregate"] for row in group]
-    shares = [row.cells[kind] for row in group]
-    for row, share in zip(group, shares, strict=True):
-        if not 0.0 < share <= 1.0:
-            message = f"share {share:g} lies outside (0, 1]; correct it or leave the row out"
-            out.problems.append(row.problem(message, kind))
-        if names.count(row.cells["aggregate"]) > 1:
-            message = f"'{row.cells['aggregate']}' stands more than once in mixture '{name}'; keep one row"
-            out.problems.append(row.problem(message, "aggregate"))
-    if abs(math.fsum(shares) - 1.0) > SHARE_TOLERANCE:
-        message = (
-            f"the shares of mixture '{name}' sum to {math.fsum(shares):.4g}, more than {SHARE_TOLERANCE:g} off 1; "
-            "correct them"
-        )
-        out.problems.append(first.problem(message, kind))
-    out.mixtures.append(MixtureRecord(name, tuple(names), tuple(shares), kind == "mass_share", first))
+    return Row(*place, cells, raw, sound)

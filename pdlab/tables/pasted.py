@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from pdlab.grading import SieveRow, SieveTable, check
 from pdlab.tables.cells import ParseError, parse_aperture, parse_number
+from pdlab.tables.layout import SIEVE_UNITS
 
 
 @dataclass(frozen=True)
@@ -31,15 +32,15 @@ def split_pasted(line: str) -> tuple[str, str]:
     return cells[0], cells[1]
 
 
-def read_pasted(text: str) -> list[PastedRow]:
-    """Read a sieve table as typed or pasted: an aperture (or pan) and a value in each line."""
+def read_pasted(text: str, kind: str) -> list[PastedRow]:
+    """Read a sieve table as typed or pasted: an aperture (or pan) and a value of ``kind`` in each line."""
     out = []
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip():
             continue
         try:
             aperture, value = split_pasted(line)
-            row = SieveRow(parse_aperture(aperture), parse_number(value))
+            row = SieveRow(parse_aperture(aperture), parse_number(value, SIEVE_UNITS[kind]))
             out.append(PastedRow(number, line, row))
         except ParseError as error:
             out.append(PastedRow(number, line, None, str(error)))
