@@ -11,14 +11,14 @@ from pdlab.models import Aggregate, Mixture, MixtureComponent, PackingTest, Siev
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS, LAYOUT, MixtureRecord, Row, SieveRecord, Tables
 
+TABLES = ("aggregates", "aggregates completed", "sieve analyses", "density tests", "mixtures")
+
 
 @dataclass
 class Registered:
     """How many rows an import made, by table, and how many equal ones were there before."""
 
-    new: dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(("aggregates", "sieve analyses", "density tests", "mixtures"), 0)
-    )
+    new: dict[str, int] = field(default_factory=lambda: dict.fromkeys(TABLES, 0))
     equal: int = 0
 
     def count(self, table: str, is_new: bool) -> None:
@@ -56,27 +56,32 @@ def register(target: Store, tables: Tables) -> Registered:
 
 
 def _register_aggregate(work: _Import, row: Row) -> None:
+    """Make an aggregate, or fill what was empty in the one that is there; nothing is overwritten."""
     cells = {**row.cells, "delivery": row.cells["delivery"] or ""}
     there = store.find_aggregate(work.session, cells["name"], cells["delivery"], exact=True)
-    work.done.count("aggregates", there is None)
-    if there is None:
-        try:
-            if cells["particle_density_kg_m3"] is not None:
-                density.oven_dry_density(
-                    cells["particle_density_kg_m3"], cells["density_basis"], cells["water_absorption_percent"]
-                )
-            store.add_all(work.session, [Aggregate(**cells)])
-        except DensityError as error:
-            work.problems.append(row.problem(str(error), "particle_density_kg_m3"))
-            work.tables.named_aggregates.add((cells["name"], cells["delivery"]))
-        return
-    for column, value in cells.items():
-        if value is not None and getattr(there, column) != value:
+    given = {column: value for column, value in cells.items() if value is not None}
+    empty = {column for column in given if there is None or getattr(there, column) is None}
+    for column in given.keys() - empty:
+        if getattr(there, column) != given[column]:
             message = (
-                f"aggregate '{there.name}' is there with {column} {getattr(there, column)}, not {value}; "
+                f"aggregate '{cells['name']}' is there with {column} {getattr(there, column)}, not {given[column]}; "
                 "give a new delivery its own name in the column delivery"
             )
             work.problems.append(row.problem(message, column))
+            return
+    target = there or Aggregate(**cells)
+    for column in empty:
+        setattr(target, column, given[column])
+    try:
+        particle_density(target)
+    except DensityError as error:
+        work.problems.append(row.problem(str(error), "particle_density_kg_m3"))
+        work.tables.named_aggregates.add((cells["name"], cells["delivery"]))
+        work.session.expire_all()
+        return
+    if there is None:
+        store.add_all(work.session, [target])
+    work.done.count("aggregates" if there is None else "aggregates completed", there is None or bool(empty))
 
 
 def _find(work: _Import, row: Row, name: str, delivery: str) -> Aggregate | None:
