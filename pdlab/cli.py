@@ -71,9 +71,11 @@ def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
 
     from pdlab.lab import Lab
 
+    console = Console(stderr=True)
     bar = Progress(
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True), transient=True,
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=console, transient=True,
+        disable=not console.is_terminal,
     )  # fmt: skip
     task = bar.add_task("", total=1.0, visible=False)
 
