@@ -289,7 +289,7 @@ def ls(what: Annotated[str, typer.Argument(help=" | ".join(LISTS))] = "aggregate
         if frame.empty:
             print(f"no {what} yet")
             return
-        frame = frame.drop(columns=frame.columns[frame.isna().all()])
+        frame = frame.drop(columns=frame.columns[(frame.isna() | (frame == "")).all()])
         cells = [
             [_cell(*cell) for cell in zip(frame.columns, row, strict=True)] for row in frame.itertuples(index=False)
         ]

@@ -4,7 +4,6 @@ import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import pandas as pd
 
@@ -13,7 +12,7 @@ from pdlab.batch import Progress, Runner, cores
 from pdlab.calibration import SEEDS
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import CalibrationReport, PredictionReport, Registered
-from pdlab.grading import DEFAULT_RULE, equivalent_diameter
+from pdlab.grading import DEFAULT_RULE
 
 SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
 """Feret's round pebbles in the table format, with their source in the folder above."""
@@ -100,27 +99,22 @@ class Lab:
 
         The friction is empty until the current tests are calibrated.
         """
-        with self.store.read() as session:
-            rows = store.aggregates(session)
-            fits = [fit for fit in store.calibrations(session) if not experiments.is_stale(fit)]
-            newest = {fit.aggregate_id: fit for fit in reversed(fits)}
-        out = []
-        for row in rows:
-            grading, measured, found = experiments.current_grading(row), _measured(row), newest.get(row.id)
-            out.append(
-                {
-                    "aggregate": row.name,
-                    "delivery": row.delivery,
-                    "finest_mm": grading.apertures[-1] if grading else None,
-                    "coarsest_mm": grading.apertures[0] if grading else None,
-                    "diameter_mm": equivalent_diameter(grading) if grading else None,
-                    "packing_density": measured,
-                    "friction": found.friction if found else None,
-                    "friction_low": found.friction_low if found else None,
-                    "friction_high": found.friction_high if found else None,
-                }
-            )
-        return pd.DataFrame(out)
+        rows = [
+            {
+                "aggregate": one.name,
+                "delivery": one.delivery,
+                "finest_mm": one.grading.apertures[-1] if one.grading else None,
+                "coarsest_mm": one.grading.apertures[0] if one.grading else None,
+                "diameter_mm": one.diameter,
+                "packing_density": one.measured.packing_density if one.measured else None,
+                "friction": one.friction,
+                "friction_low": one.friction_low,
+                "friction_high": one.friction_high,
+                "message": one.message,
+            }
+            for one in experiments.summaries(self.store)
+        ]
+        return pd.DataFrame(rows)
 
     def mixtures(self) -> pd.DataFrame:
         """Return the mixtures: a row for each of their aggregates, with its share [-]."""
@@ -143,11 +137,6 @@ class Lab:
         with self.store.read() as session:
             rows = store.runs(session)
         return pd.DataFrame([{name: getattr(row, name) for name in columns} for row in rows], columns=list(columns))
-
-
-def _measured(row: Any) -> float | None:
-    measured = experiments.measured_aggregate(row)
-    return None if measured is None else measured.packing_density
 
 
 def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:

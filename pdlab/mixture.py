@@ -109,8 +109,3 @@ def predict(parts: Sequence[Part], packings: Sequence[Packing]) -> Predicted:
         seeds=len(packings),
         warnings=tuple(warnings),
     )
-
-
-def volume_mean(parts: Sequence[Part]) -> float:
-    """Return Σ y_i PD_i [-], the mixture's PD if its parts did not fill each other's voids."""
-    return math.fsum(part.share * part.packing_density for part in parts)

@@ -8,7 +8,7 @@ import streamlit as st
 
 from pdlab import charts, density, experiments, store, tables
 from pdlab.errors import InputError, PdlabError, TableError
-from pdlab.grading import Grading, equivalent_diameter, make_grading
+from pdlab.grading import equivalent_diameter, make_grading
 from pdlab.store import Store
 
 KIND_LABELS = {
@@ -71,9 +71,9 @@ def _comparison(target: Store) -> None:
             st.metric(f"Mean absolute error over {len(compared)} mixtures", f"{own:.4f}")
             st.metric("The same for the volume mean of the aggregates", f"{plain:.4f}")
         for report in reports:
-            if report.message and report.packing_density is not None:
+            if report.message and report.state != "open":
                 st.warning(_plain(f"{report.mixture}: {report.message}"))
-        missing = [report.mixture for report in reports if report.packing_density is None]
+        missing = [report.mixture for report in reports if report.state == "open"]
         if missing:
             st.info(f"Not predicted yet: {_plain(', '.join(missing))}. Run `pdlab predict`.")
     frame = pd.DataFrame(
@@ -266,28 +266,39 @@ def _save(target: Store, entered: _Entered) -> None:
 
 
 def _aggregates(target: Store) -> None:
-    with target.read() as session:
-        rows = store.aggregates(session)
-    if not rows:
+    known = experiments.summaries(target)
+    if not known:
         st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
         return
-    gradings: dict[str, Grading] = {}
-    lines = []
-    for row in rows:
-        grading, measured = experiments.current_grading(row), experiments.measured_aggregate(row)
-        if grading is not None:
-            gradings[row.name] = grading
-        lines.append(
-            {
-                "aggregate": row.name,
-                "delivery": row.delivery,
-                "diameter [mm]": equivalent_diameter(grading) if grading else None,
-                "measured PD": measured.packing_density if measured else None,
-                "voids [%]": density.voids_percent(measured.packing_density) if measured else None,
-                "source": row.source,
-            }
-        )
-    st.dataframe(pd.DataFrame(lines), hide_index=True, key="shelf")
+    frame = pd.DataFrame(
+        {
+            "aggregate": [one.name for one in known],
+            "delivery": [one.delivery for one in known],
+            "diameter [mm]": [one.diameter for one in known],
+            "measured PD": [one.measured.packing_density if one.measured else None for one in known],
+            "voids [%]": [
+                density.voids_percent(one.measured.packing_density) if one.measured else None for one in known
+            ],
+            "friction μ": [one.friction for one in known],
+            "μ from": [one.friction_low for one in known],
+            "μ to": [one.friction_high for one in known],
+            "source": [one.source for one in known],
+        }
+    )
+    formats = {
+        "diameter [mm]": "%.2f",
+        "measured PD": "%.4f",
+        "voids [%]": "%.1f",
+        "friction μ": "%.4f",
+        "μ from": "%.3f",
+        "μ to": "%.3f",
+    }
+    numbers = {name: st.column_config.NumberColumn(format=text) for name, text in formats.items()}
+    st.dataframe(frame, hide_index=True, column_config=numbers, key="shelf")
+    for one in known:
+        if one.message:
+            st.warning(_plain(f"{one.name}: {one.message}"))
+    gradings = {f"{one.name} {one.delivery}".strip(): one.grading for one in known if one.grading is not None}
     shown = st.multiselect("Grading curves", list(gradings), default=list(gradings)[:5], key="shown")
     if shown:
         st.plotly_chart(charts.grading_curve({name: gradings[name] for name in shown}), key="curves")

@@ -33,6 +33,7 @@ from pdlab.models import (
 )
 
 DEFAULT_URL = "sqlite:///pdlab.db"
+ENDED = ("done", "failed")
 LOCK_TIMEOUT = 30.0
 """Seconds that a writer waits for another."""
 
@@ -340,10 +341,10 @@ def runs(session: Session) -> list[Run]:
 
 
 def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:
-    """Return calibrations that are done with their runs, the last asked for first."""
+    """Return calibrations, done or failed, with their runs, the last asked for first."""
     query = (
         sa.select(Calibration)
-        .where(Calibration.state == "done")
+        .where(Calibration.state.in_(ENDED))
         .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
         .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS))
         .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
@@ -354,10 +355,10 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
 
 
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:
-    """Return predictions that are done with what they rest on, the last asked for first."""
+    """Return predictions, done or failed, with what they rest on, the last asked for first."""
     query = (
         sa.select(Prediction)
-        .where(Prediction.state == "done")
+        .where(Prediction.state.in_(ENDED))
         .options(
             selectinload(Prediction.runs),
             selectinload(Prediction.calibrations)

@@ -204,7 +204,11 @@ def test_an_aggregate_that_cannot_be_calibrated_says_why_and_stops_no_other(
     assert isinstance(report.error, error)
     assert report.state == "failed"
     assert "aggregate 'A' of mixture 'M' has no friction coefficient" in report.message
-    assert count(store, Prediction) == 0
+    summary = experiments.summaries(store)[0]
+    assert summary.friction is None
+    assert (message in summary.message) == isinstance(bad.error, OutOfReach)  # known before a test was simulated
+    assert comparisons(store)[0].state == "failed"
+    assert message in comparisons(store)[0].message
 
 
 def test_a_failed_run_fails_its_mixture_and_no_other(pebbles: Store, formula_runner: Any) -> None:

@@ -43,7 +43,3 @@ def test_the_standard_error_holds_seeds_and_curves_and_the_input_error_the_measu
 def test_tests_of_different_compaction_do_not_mix() -> None:
     with pytest.raises(ProtocolError, match="tested loose and rodded"):
         mixture.next_specimens([PARTS[0], replace(PARTS[1], compaction="rodded")], [])
-
-
-def test_the_volume_mean_weighs_by_share() -> None:
-    assert mixture.volume_mean(PARTS) == pytest.approx(0.6 * 0.6 + 0.4 * 0.583)

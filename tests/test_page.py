@@ -187,3 +187,13 @@ def test_the_first_delivery_s_test_does_not_go_to_a_later_one(lab: Store) -> Non
         found = {name: store_module.find_aggregate(session, "G", name) for name in ("", "May")}
         counts = {name: len(row.sieve_analyses) for name, row in found.items() if row is not None}
     assert counts == {"": 2, "May": 1}
+
+
+def test_a_density_out_of_reach_is_explained_beside_its_aggregate(lab: Store, tmp_path: Path) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    (tmp_path / "packing_tests.csv").write_text("material,compaction,packing_density\npebbles L,loose,0.47\n")
+    experiments.register(lab, read_path(tmp_path / "packing_tests.csv"))
+    experiments.predict(lab, FormulaRunner(lab))
+    warned = [warning.value.replace("\\", "") for warning in page().warning]
+    assert any(text.startswith("pebbles L: packing density 0.47 is out of reach of 'monosized'") for text in warned)
+    assert any(text.startswith("pebbles L+F 1:1: aggregate 'pebbles L' of mixture") for text in warned)

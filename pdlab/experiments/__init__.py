@@ -5,7 +5,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 
 from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
-from pdlab.experiments.readings import current_grading, is_stale, measured_aggregate, measured_mixture, particle_density
+from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.registration import Registered, register
 
 __all__ = [
@@ -13,13 +13,11 @@ __all__ = [
     "PredictionReport",
     "Registered",
     "RunAll",
+    "Summary",
     "calibrate",
     "comparisons",
-    "current_grading",
-    "is_stale",
     "measured_aggregate",
-    "measured_mixture",
-    "particle_density",
     "predict",
     "register",
+    "summaries",
 ]

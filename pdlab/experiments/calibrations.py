@@ -104,8 +104,9 @@ def calibrate_rows(
             if one.error is not None:
                 raise one.error
             result = calibration.solve(one.measured, calibration.curve(one.nodes))
-            reports[key] = _save_calibration(target, one, rule, result)
+            reports[key] = _save_calibration(target, one, rule, _facts_of(one, result))
         except PdlabError as error:
+            _save_calibration(target, one, rule, {"state": "failed", "message": str(error)})
             reports[key] = CalibrationReport(one.aggregate.name, key, error=error)
     return [reports[row.id] for row in rows]
 
@@ -164,19 +165,10 @@ def equals(row: Calibration | Prediction, facts: dict[str, Any], digests: set[st
     return same and {run.specimen_hash for run in row.runs} == digests
 
 
-def _save_calibration(target: Store, one: _Open, rule: str, result: calibration.Calibrated) -> CalibrationReport:
-    """Write a calibration; of an equal one on the same runs only the time of asking is renewed."""
-    packings = [packing for node in one.nodes.values() for packing in node]
-    digests = {packing.digest for packing in packings}
-    facts: dict[str, Any] = {
-        "sieve_analysis_id": one.analysis.id,
-        "packing_test_id": one.test.id,
-        "method": METHOD,
-        "protocol": protocol_text(),
-        "engine_version": packings[0].engine_version,
-        "diameter_rule": rule,
-        "diameter_mm": one.diameter,
-        "measured_packing_density": one.measured.packing_density,
+def _facts_of(one: _Open, result: calibration.Calibrated) -> dict[str, Any]:
+    return {
+        "state": "done",
+        "message": None,
         "friction": result.friction,
         "friction_low": result.low,
         "friction_high": result.high,
@@ -185,14 +177,28 @@ def _save_calibration(target: Store, one: _Open, rule: str, result: calibration.
         "curve_error": result.curve_error,
         "warnings": "\n".join([*one.warnings, *result.warnings]) or None,
     }
+
+
+def _save_calibration(target: Store, one: _Open, rule: str, outcome: dict[str, Any]) -> CalibrationReport:
+    """Write a calibration, or why there is none; of an equal one on the same runs only the time is renewed."""
+    packings = [packing for node in one.nodes.values() for packing in node]
+    digests = {packing.digest for packing in packings}
+    facts: dict[str, Any] = outcome | {
+        "sieve_analysis_id": one.analysis.id,
+        "packing_test_id": one.test.id,
+        "method": METHOD,
+        "protocol": protocol_text(),
+        "engine_version": packings[0].engine_version if packings else None,
+        "diameter_rule": rule,
+        "diameter_mm": one.diameter,
+        "measured_packing_density": one.measured.packing_density,
+    }
     with target.write() as session:
         old = (row for row in store.calibrations(session, [one.aggregate.id]) if equals(row, facts, digests))
         row = next(old, None)
         if row is None:
             evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
-            row = Calibration(
-                aggregate_id=one.aggregate.id, state="done", progress=1.0, finished_at=now(), runs=evidence, **facts
-            )
+            row = Calibration(aggregate_id=one.aggregate.id, progress=1.0, finished_at=now(), runs=evidence, **facts)
             store.add_all(session, [row])
         row.requested_at = now()
         return _calibration_report(one.aggregate, row)

@@ -79,8 +79,7 @@ def predict(
     blends = [_open_blend(row, known) for row in rows]
     _run_blends(blends, run_all, seeds)
     for blend in blends:
-        if blend.error is None:
-            _save_prediction(target, blend)
+        _save_prediction(target, blend)
     fresh = {report.mixture: report for report in comparisons(target)}
     return [
         fresh[blend.row.name]
@@ -128,18 +127,27 @@ def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
                 blend.done.append(outcome)
 
 
-def _save_prediction(target: Store, blend: _Blend) -> None:
-    """Write a prediction; of an equal one on the same runs and calibrations only the time of asking is renewed."""
+def _facts_of(blend: _Blend) -> dict[str, Any]:
+    if blend.error is not None:
+        return {"state": "failed", "message": str(blend.error)}
     result = mixture.predict(blend.parts, blend.done)
-    digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
-    facts: dict[str, Any] = {
-        "method": METHOD,
-        "protocol": protocol_text(),
-        "engine_version": blend.done[0].engine_version,
+    return {
+        "state": "done",
+        "message": None,
         "packing_density": result.packing_density,
         "standard_error": result.standard_error,
         "input_error": result.input_error,
         "warnings": "\n".join(result.warnings) or None,
+    }
+
+
+def _save_prediction(target: Store, blend: _Blend) -> None:
+    """Write a prediction, or why there is none; of an equal one on the same runs only the time is renewed."""
+    digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
+    facts: dict[str, Any] = _facts_of(blend) | {
+        "method": METHOD,
+        "protocol": protocol_text(),
+        "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:
         old = (row for row in store.predictions(session, [blend.row.id]) if equals(row, facts, digests))
@@ -147,7 +155,6 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
         if row is None:
             row = Prediction(
                 mixture_id=blend.row.id,
-                state="done",
                 progress=1.0,
                 finished_at=now(),
                 runs=[PredictionRun(specimen_hash=digest) for digest in sorted(digests)],
@@ -185,12 +192,10 @@ def _open_comparison(row: Mixture) -> PredictionReport:
 
 def _comparison(row: Prediction) -> PredictionReport:
     measured = measured_mixture(row.mixture)
-    total = math.fsum(part.solid_volume_share for part in row.mixture.components)
-    notes = (row.warnings or "").splitlines()
+    notes = [row.message or "", *(row.warnings or "").splitlines()]
     stale = [link.calibration.aggregate.name for link in row.calibrations if is_stale(link.calibration)]
     if stale:
         notes.append(f"{', '.join(stale)}: tested or sieved anew since; run 'pdlab predict' again")
-    alone = {link.calibration.aggregate_id: link.calibration.measured_packing_density for link in row.calibrations}
     return PredictionReport(
         mixture=row.mixture.name,
         method=row.method,
@@ -200,14 +205,19 @@ def _comparison(row: Prediction) -> PredictionReport:
         input_error=row.input_error,
         measured=measured.packing_density if measured else None,
         measured_error=measured.standard_error if measured else None,
-        volume_mean=math.fsum(
-            part.solid_volume_share / total * alone[part.aggregate_id] for part in row.mixture.components
-        ),
+        volume_mean=_volume_mean(row) if row.state == "done" else None,
         seeds=len(row.runs),
-        state="outdated" if stale else row.state,
-        message="; ".join(notes),
+        state="outdated" if stale and row.state == "done" else row.state,
+        message="; ".join(note for note in notes if note),
         prediction_id=row.id,
     )
+
+
+def _volume_mean(row: Prediction) -> float:
+    """Return Σ y_i PD_i [-], the mixture's PD if its parts did not fill each other's voids."""
+    alone = {link.calibration.aggregate_id: link.calibration.measured_packing_density for link in row.calibrations}
+    parts = [(part.solid_volume_share, alone[part.aggregate_id]) for part in row.mixture.components]
+    return math.fsum(share * value for share, value in parts) / math.fsum(share for share, _ in parts)
 
 
 def _with_expected_error(report: PredictionReport, all_reports: Sequence[PredictionReport]) -> PredictionReport:

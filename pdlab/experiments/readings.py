@@ -1,11 +1,13 @@
 """What stored rows say: gradings, particle densities, measured packing densities."""
 
 import math
+from dataclasses import dataclass, replace
 
 from pdlab import density, grading, store
 from pdlab.density import MeasuredPacking
 from pdlab.grading import Grading, SieveRow, SieveTable
 from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, SieveAnalysis
+from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS
 
 
@@ -62,3 +64,45 @@ def is_stale(fit: Calibration) -> bool:
     row = fit.aggregate
     test = store.newest_test(row.packing_tests)
     return test is None or test.id != fit.packing_test_id or row.sieve_analyses[-1].id != fit.sieve_analysis_id
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What is known of an aggregate: its current tests, and their calibration or why there is none.
+
+    ``diameter`` [mm] by the default rule; ``friction`` [-] with the ends of its interval, None where open.
+    """
+
+    name: str
+    delivery: str
+    source: str | None
+    grading: Grading | None
+    diameter: float | None
+    measured: MeasuredPacking | None
+    friction: float | None = None
+    friction_low: float | None = None
+    friction_high: float | None = None
+    message: str = ""
+
+
+def summaries(target: Store) -> list[Summary]:
+    """Return what is known of each aggregate's newest delivery."""
+    with target.read() as session:
+        rows = store.aggregates(session)
+        last: dict[int, Calibration] = {}
+        for fit in store.calibrations(session, [row.id for row in rows]):
+            if not is_stale(fit):
+                last.setdefault(fit.aggregate_id, fit)
+    return [_summary(row, last.get(row.id)) for row in rows]
+
+
+def _summary(row: Aggregate, fit: Calibration | None) -> Summary:
+    sieved = current_grading(row)
+    diameter = grading.equivalent_diameter(sieved) if sieved else None
+    known = Summary(row.name, row.delivery, row.source, sieved, diameter, measured_aggregate(row))
+    if fit is None:
+        return known
+    return replace(
+        known, friction=fit.friction, friction_low=fit.friction_low, friction_high=fit.friction_high,
+        message=fit.message or "",
+    )  # fmt: skip
