@@ -102,7 +102,8 @@ def cores() -> int:
 class Runner:
     """Runs specimens on ``workers`` processes for one store; callable as ``run_all``.
 
-    ``on_progress`` is called after every chunk. ``simulated`` and ``read`` count over all calls.
+    ``on_progress`` is called at the beginning and after every chunk. ``simulated`` and ``read`` count over
+    all calls. The processes live from the first run that is needed to ``close``.
     """
 
     target: Store
@@ -111,6 +112,7 @@ class Runner:
     make_pool: Callable[[int], Executor] = spawn_pool
     simulated: int = 0
     read: int = 0
+    _pool: Executor | None = None
 
     def __call__(self, specimens: Sequence[Specimen]) -> list[Packing | EngineError]:
         """Return each specimen's packing, or the error in its place, in order; equal ones run once.
@@ -131,29 +133,41 @@ class Runner:
             self._run(jobs, done)
         return [done[digest] for digest in digests]
 
+    def close(self) -> None:
+        """End the worker processes; the next call starts new ones."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
+
     def _run(self, jobs: dict[str, _Job], done: dict[str, Packing | EngineError]) -> None:
         waiting = sorted(jobs.values(), key=lambda job: -job.specimen.spheres)  # the longest first
         active: dict[Future[Advanced], _Job] = {}
-        pool, lost, read = self.make_pool(self.workers), 0, len(done)
+        lost, read = 0, len(done)
+        self._tell(jobs, done, read)
         try:
             while waiting or active:
                 try:
                     while waiting and len(active) < self.workers:
                         job = waiting[0]
-                        active[pool.submit(advance, job.specimen, job.state, job.steps)] = job
-                        waiting.pop(0)
+                        active[self._submit(job)] = job
+                        waiting.pop(0)  # not before: a pool found broken keeps it waiting
                     for future in wait(active, return_when=FIRST_COMPLETED).done:
-                        job = active[future]
-                        waiting = self._take(job, future, done) + waiting
+                        waiting = self._take(active[future], future, done) + waiting
                         del active[future]
                         lost = 0
                 except BrokenProcessPool:
                     lost += 1
                     waiting, active = [*active.values(), *waiting], {}
-                    pool = self._new_pool(pool, lost)
+                    self._give_up_pool(lost)
                 self._tell(jobs, done, read)
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        except BaseException:  # Ctrl-C too: no worker goes on with what nobody waits for
+            self.close()
+            raise
+
+    def _submit(self, job: _Job) -> Future[Advanced]:
+        if self._pool is None:
+            self._pool = self.make_pool(self.workers)
+        return self._pool.submit(advance, job.specimen, job.state, job.steps)
 
     def _take(self, job: _Job, future: Future[Advanced], done: dict[str, Packing | EngineError]) -> list[_Job]:
         """Take a chunk's result: keep the run when it has ended, else return it to be carried on."""
@@ -168,15 +182,15 @@ class Runner:
             done[job.digest] = error
         return []
 
-    def _new_pool(self, pool: Executor, lost: int) -> Executor:
-        pool.shutdown(wait=False, cancel_futures=True)
+    def _give_up_pool(self, lost: int) -> None:
+        """Leave a broken pool behind. Raises WorkersLost when pools break again and again."""
+        self.close()
         if lost >= LOST_POOLS:
             raise WorkersLost(
                 f"{lost} pools of worker processes died in a row without finishing a chunk; "
                 "free some memory, or use fewer workers"
             )
         log.warning("a worker process died; its chunk runs again")
-        return self.make_pool(self.workers)
 
     def _tell(self, jobs: dict[str, _Job], done: dict[str, Packing | EngineError], read: int) -> None:
         if self.on_progress is not None:

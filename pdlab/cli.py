@@ -289,11 +289,17 @@ def ls(what: Annotated[str, typer.Argument(help=" | ".join(LISTS))] = "aggregate
         if frame.empty:
             print(f"no {what} yet")
             return
+        notes = frame.pop("message") if "message" in frame else []
+        names = list(frame.iloc[:, 0])
         frame = frame.drop(columns=frame.columns[(frame.isna() | (frame == "")).all()])
         cells = [
-            [_cell(*cell) for cell in zip(frame.columns, row, strict=True)] for row in frame.itertuples(index=False)
+            [_cell(*cell) for cell in zip(frame.columns, row, strict=True)]
+            for row in frame.itertuples(index=False, name=None)
         ]
         _table(f"{len(frame)} {what}" if what != "mixtures" else what, list(frame.columns), cells)
+        for name, note in zip(names, notes, strict=False):
+            if note:
+                print(f"note: {name}: {note}")
 
 
 def _cell(column: str, value: Any) -> str:

@@ -50,7 +50,8 @@ class Lab:
         self.close()
 
     def close(self) -> None:
-        """Close the store."""
+        """End the worker processes and close the store."""
+        self.runner.close()
         self.store.close()
 
     def import_tables(self, path: str | Path) -> Registered:

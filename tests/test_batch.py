@@ -47,6 +47,7 @@ def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(targe
         state = session.get(RunState, out[1].digest)
     assert state is not None
     assert np.array_equal(np.load(io.BytesIO(state.archive))["place"], here.place)
+    assert shown[0] == Progress(3, 0, 0, 0.0)
     assert shown[-1] == Progress(3, 0, 3, 1.0)
     assert [progress.share for progress in shown] == sorted(progress.share for progress in shown)
 
