@@ -58,6 +58,9 @@ class FormulaRunner:
     def __init__(self, target: Store) -> None:
         self.target, self.asked = target, list[str]()
 
+    def close(self) -> None:
+        """End nothing: no process was started."""
+
     def __call__(self, specimens: Sequence[Specimen]) -> list[Packing]:
         from pdlab.models import Run
 
