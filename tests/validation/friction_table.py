@@ -77,6 +77,8 @@ def main(
     target = open_store(store)
     runner = Runner(target, on_progress=lambda p: print(_text(p), end="\r", flush=True))
     lines = [
+        "Made by `python tests/validation/friction_table.py`.",
+        "",
         f"Engine version {VERSION}, {seeds} seeds a row, 2500 equal spheres, protocol `loose`.",
         "",
         "| α | μ | PD | standard error | reference | difference | contacts per sphere | reference | largest overlap |",
