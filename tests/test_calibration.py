@@ -85,3 +85,13 @@ def test_the_curve_error_is_the_pooled_deviation_over_the_root_of_the_seeds() ->
     pooled = math.sqrt((0.002**2 + 0.004**2) / 2.0)
     assert curve.error_at(0.1) == pytest.approx(pooled / 2.0)
     assert curve.error_at(0.15) < curve.error_at(0.1)
+
+
+@pytest.mark.parametrize(("standard_errors", "refused"), [(1.8, False), (2.3, True)])
+def test_the_end_of_the_curve_reaches_two_standard_errors(standard_errors: float, refused: bool) -> None:
+    value = formula_density(1.0) - standard_errors * 0.005
+    if refused:
+        with pytest.raises(OutOfReach):
+            calibrate(value, 0.005)
+    else:
+        assert calibrate(value, 0.005)[0].friction == 1.0

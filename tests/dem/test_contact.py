@@ -1,6 +1,7 @@
 """Laws of one contact: the bounce, the slope, the pair's momentum, the energy."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,3 +157,25 @@ def test_a_normal_force_never_pulls() -> None:
     out = contact.contact_force(0.001, 0, 0, 1, 0, 0, 5.0, 0, 0, 0, 100.0, 10.0, 30.0, 5.0, 0.3, 1e-3)
     assert out[0] == 0.0
     assert out[1:4] == (0.0, 0.0, 0.0)
+
+
+def test_a_pair_has_springs_in_series_and_the_smaller_friction_and_so_has_the_floor() -> None:
+    diameter, mass = np.array([1.0, 0.25]), np.array([0.5, 0.01])
+    pair, floor = contact.law_tables(diameter, mass, np.array([0.2, 0.6]), 0.4, 100.0, 0.25)
+    np.testing.assert_allclose(floor[:, contact.KN], 2.0 * 100.0 * diameter)
+    assert pair[0, 1, contact.KN] == pytest.approx(2.0 * 100.0 * 1.0 * 0.25 / 1.25)
+    assert pair[0, 1, contact.GN] == pytest.approx(2.0 * 0.25 * math.sqrt(40.0 * 0.5 * 0.01 / 0.51))
+    np.testing.assert_allclose(pair[..., contact.KT], 2.0 / 7.0 * pair[..., contact.KN])
+    np.testing.assert_allclose(pair[..., contact.GT], 0.5 * pair[..., contact.GN])
+    np.testing.assert_allclose(pair[..., contact.MU], [[0.2, 0.2], [0.2, 0.6]])
+    np.testing.assert_allclose(floor[:, contact.MU], [0.2, 0.4])
+    np.testing.assert_allclose(pair, pair.swapaxes(0, 1))
+
+
+@pytest.mark.parametrize(("velocity", "wanted"), [(-0.01, -0.3), (1.0, -1.7)])
+def test_local_damping_takes_its_share_of_the_resultant_against_the_velocity(velocity: float, wanted: float) -> None:
+    setup = replace(make_setup(gravity=(0.0, 0.0, -1.0)), local_damping=0.7)
+    state = spheres(setup, (5.0, 5.0, 9.0))
+    state.motion[0, 2] = velocity
+    after = simulation.march(setup, state, 1000)
+    assert (after.motion[0, 2] - velocity) / (1000 * setup.time_step) == pytest.approx(wanted, rel=1e-9)

@@ -121,3 +121,23 @@ def test_contacts_per_sphere_of_a_row_of_three() -> None:
     state = simulation.march(setup, simulation.rest_free(place, np.zeros(3, np.int64)), 1)
     assert simulation.contacts_per_sphere(state, 0.0, 2.0) == pytest.approx(4.0 / 3.0)
     assert simulation.largest_overlap(setup, state) == pytest.approx(0.001, rel=0.1)
+
+
+def test_contacts_are_counted_of_spheres_in_the_slab_only() -> None:
+    setup = small(gravity=np.zeros(3))
+    place = np.array([[1.0, 1.0, z, 0.5] for z in (1.0, 1.999, 2.998)])
+    state = simulation.march(setup, simulation.rest_free(place, np.zeros(3, np.int64)), 1)
+    assert simulation.contacts_per_sphere(state, 2.5, 4.0) == 1.0
+    assert simulation.contacts_per_sphere(state, 1.5, 2.5) == 2.0
+
+
+def test_a_still_bed_is_looked_at_twice_and_not_before_the_fall_time() -> None:
+    setup = small()
+    bed = simulation.advance(setup, None, 200_000)
+    moved = np.array([[0.0, 0.1]])  # the middle has moved since, so that the bed does not creep
+    again = replace(bed, rest="", quiet_looks=0, history=moved)
+    once = simulation.look(setup, again)
+    assert (once.rest, once.quiet_looks) == ("", 1)
+    assert simulation.look(setup, replace(once, history=moved)).rest == "still"
+    early = simulation.look(setup, replace(again, steps=int(0.9 * setup.fall_time / setup.time_step)))
+    assert early.quiet_looks == 0
