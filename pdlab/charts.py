@@ -39,7 +39,7 @@ def grading_curve(gradings: dict[str, Grading]) -> go.Figure:
     values = sorted(ticks)
     text = [f"{value:g}" for value in values]
     figure.update_xaxes(type="log", tickvals=values, ticktext=text, title=label("aperture"), gridcolor=GRID)
-    figure.update_yaxes(range=[-2, 102], title=label("passing"), gridcolor=GRID)
+    figure.update_yaxes(range=[-2, 102], title=label("passing_percent"), gridcolor=GRID)
     _styled(figure, 360)
     if len(gradings) == 1:
         figure.update_traces(line_color=SERIES)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pdlab.errors import InputError, PdlabError
+from pdlab.quantities import heading
 
 if TYPE_CHECKING:
     from pdlab.experiments import CalibrationReport, PredictionReport
@@ -30,6 +31,9 @@ Store = Annotated[
 ]
 Rule = Annotated[str, typer.Option(help="Rule for the equivalent diameter.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
+PREDICTION = (
+    "predicted", "standard_error", "input_error", "expected_error", "measured", "difference", "volume_mean",
+)  # fmt: skip
 DEMO_STORE = "sqlite:///pdlab-demo.db"
 
 
@@ -131,9 +135,10 @@ def _show_calibrations(reports: Sequence["CalibrationReport"]) -> None:
         )  # fmt: skip
     if rows:
         rule = reports[0].rule
+        columns = ("diameter", "measured", "input_error", "friction", "simulated", "curve_error")
         _table(
             f"Calibrated friction (method monosized, diameter rule {rule})",
-            ["aggregate", "d [mm]", "measured PD", "± input", "friction μ", "μ interval", "simulated PD", "± curve"],
+            ["aggregate", *map(heading, columns[:4]), "μ interval", *map(heading, columns[4:])],
             rows,
         )
     notes: dict[str, list[str]] = {}
@@ -158,13 +163,7 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
         f"Predicted against measured packing density (method monosized, diameter rule {rules})",
         [
             "mixture",
-            "predicted PD",
-            "± simulation",
-            "± inputs",
-            "± expected",
-            "measured PD",
-            "difference",
-            "volume mean",
+            *map(heading, PREDICTION),
             "state",
         ],
         rows,

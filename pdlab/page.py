@@ -8,15 +8,12 @@ import streamlit as st
 
 from pdlab import charts, density, experiments, store, tables
 from pdlab.errors import InputError, PdlabError, TableError
-from pdlab.grading import equivalent_diameter, make_grading
+from pdlab.grading import KINDS, equivalent_diameter, make_grading
+from pdlab.quantities import heading
 from pdlab.store import Store
 
-KIND_LABELS = {
-    "retained_g": "retained mass [g]", "retained_percent": "retained [%]", "passing_percent": "percent passing [%]",
-}  # fmt: skip
-DENSITY_LABELS = {
-    "bulk_density_kg_m3": "bulk density [kg/m³]", "voids_percent": "voids [%]", "packing_density": "packing density",
-}  # fmt: skip
+KIND_LABELS = {kind: heading(kind) for kind in KINDS}
+DENSITY_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
 BULK = tables.DENSITY_UNITS["bulk_density_kg_m3"]
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
 EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
@@ -80,13 +77,13 @@ def _comparison(target: Store) -> None:
         {
             "mixture": [report.mixture for report in reports],
             "method": [report.method for report in reports],
-            "predicted PD": [report.packing_density for report in reports],
-            "± simulation": [report.standard_error for report in reports],
-            "± inputs": [report.input_error for report in reports],
-            "± expected": [report.expected_error for report in reports],
-            "measured PD": [report.measured for report in reports],
-            "± measured": [report.measured_error for report in reports],
-            "difference": [report.difference for report in reports],
+            heading("predicted"): [report.packing_density for report in reports],
+            heading("standard_error"): [report.standard_error for report in reports],
+            heading("input_error"): [report.input_error for report in reports],
+            heading("expected_error"): [report.expected_error for report in reports],
+            heading("measured"): [report.measured for report in reports],
+            heading("measured_error"): [report.measured_error for report in reports],
+            heading("difference"): [report.difference for report in reports],
         }
     )
     numbers = {name: st.column_config.NumberColumn(format="%.4f") for name in frame.columns[2:]}
@@ -162,7 +159,7 @@ def _preview(text: str, kind: str, mass: str, pan: str) -> tuple[bool, list[dict
         pd.DataFrame(
             {
                 "line": [str(row.line) for row in rows],
-                "aperture [mm]": [_plain(_aperture(row)) for row in rows],
+                heading("aperture"): [_plain(_aperture(row)) for row in rows],
                 KIND_LABELS[kind]: [f"{row.row.value:g}" if row.row else "" for row in rows],
                 "what is wrong": [_plain(row.error or "") for row in rows],
             }
@@ -227,7 +224,7 @@ def _density_test() -> tuple[dict[str, str], dict[str, str], bool]:
         return test, aggregate, False
     left, right = st.columns(2)
     left.metric("Packing density", f"{measured.packing_density:.4f}")
-    right.metric("Voids [%]", f"{density.voids_percent(measured.packing_density):.1f}")
+    right.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(measured.packing_density):.1f}")
     for warning in measured.warnings:
         st.caption(_plain(warning))
     return test, aggregate, True
@@ -274,24 +271,24 @@ def _aggregates(target: Store) -> None:
         {
             "aggregate": [one.name for one in known],
             "delivery": [one.delivery for one in known],
-            "diameter [mm]": [one.diameter for one in known],
-            "measured PD": [one.measured.packing_density if one.measured else None for one in known],
-            "voids [%]": [
+            heading("diameter"): [one.diameter for one in known],
+            heading("measured"): [one.measured.packing_density if one.measured else None for one in known],
+            heading("voids_percent"): [
                 density.voids_percent(one.measured.packing_density) if one.measured else None for one in known
             ],
-            "friction μ": [one.friction for one in known],
-            "μ from": [one.friction_low for one in known],
-            "μ to": [one.friction_high for one in known],
+            heading("friction"): [one.friction for one in known],
+            heading("friction_low"): [one.friction_low for one in known],
+            heading("friction_high"): [one.friction_high for one in known],
             "source": [one.source for one in known],
         }
     )
     formats = {
-        "diameter [mm]": "%.2f",
-        "measured PD": "%.4f",
-        "voids [%]": "%.1f",
-        "friction μ": "%.4f",
-        "μ from": "%.3f",
-        "μ to": "%.3f",
+        heading("diameter"): "%.2f",
+        heading("measured"): "%.4f",
+        heading("voids_percent"): "%.1f",
+        heading("friction"): "%.4f",
+        heading("friction_low"): "%.3f",
+        heading("friction_high"): "%.3f",
     }
     numbers = {name: st.column_config.NumberColumn(format=text) for name, text in formats.items()}
     st.dataframe(frame, hide_index=True, column_config=numbers, key="shelf")

@@ -1,4 +1,4 @@
-"""One registry of what is stored, printed or plotted: name, symbol, unit, meaning."""
+"""One registry of what is printed or plotted: name, short heading, unit, meaning."""
 
 from dataclasses import dataclass
 
@@ -8,41 +8,48 @@ class Quantity:
     """A quantity under its field's name; ``unit`` is empty for a plain number."""
 
     name: str
-    symbol: str
+    short: str
     unit: str
     meaning: str
-
-    @property
-    def label(self) -> str:
-        """The axis or column title: meaning, symbol and unit."""
-        symbol = f" {self.symbol}" if self.symbol else ""
-        return f"{self.meaning}{symbol} [{self.unit}]" if self.unit else f"{self.meaning}{symbol}"
 
 
 QUANTITIES = {
     quantity.name: quantity
     for quantity in (
-        Quantity("aperture", "d", "mm", "aperture"),
-        Quantity("passing", "", "%", "percent passing"),
-        Quantity("retained", "", "%", "percent retained"),
+        Quantity("aperture", "aperture", "mm", "aperture d"),
+        Quantity("retained_g", "retained mass", "g", "mass retained on a sieve"),
+        Quantity("retained_percent", "retained", "%", "percent retained on a sieve"),
+        Quantity("passing_percent", "percent passing", "%", "percent passing"),
         Quantity("diameter", "d", "mm", "equivalent diameter"),
-        Quantity("packing_density", "PD", "", "packing density"),
-        Quantity("predicted", "PD", "", "predicted packing density"),
-        Quantity("measured", "PD", "", "measured packing density"),
-        Quantity("voids", "", "%", "voids"),
-        Quantity("friction", "μ", "", "friction coefficient"),
-        Quantity("coordination_number", "Z", "", "contacts per sphere"),
-        Quantity("bulk_density", "", "kg/m³", "bulk density"),
-        Quantity("particle_density", "ρ", "kg/m³", "particle density"),
-        Quantity("standard_error", "", "", "standard error of the simulation"),
-        Quantity("input_error", "", "", "error from the measured inputs"),
-        Quantity("expected_error", "", "", "expected error"),
-        Quantity("difference", "", "", "predicted minus measured"),
-        Quantity("solid_volume_share", "y", "", "share of the solid volume"),
+        Quantity("bulk_density_kg_m3", "bulk density", "kg/m³", "oven-dry bulk density"),
+        Quantity("voids_percent", "voids", "%", "voids between the grains"),
+        Quantity("packing_density", "packing density", "", "packing density PD"),
+        Quantity("measured", "measured PD", "", "measured packing density PD"),
+        Quantity("measured_error", "± measured", "", "standard error of the measured packing density"),
+        Quantity("simulated", "simulated PD", "", "packing density of the calibrated spheres"),
+        Quantity("predicted", "predicted PD", "", "predicted packing density PD"),
+        Quantity("standard_error", "± simulation", "", "standard error of the simulation"),
+        Quantity("input_error", "± inputs", "", "error from the measured packing densities"),
+        Quantity("curve_error", "± curve", "", "standard error of the curve PD(μ)"),
+        Quantity("expected_error", "± expected", "", "error of both, and of the method in this store"),
+        Quantity("difference", "difference", "", "predicted minus measured packing density"),
+        Quantity("volume_mean", "volume mean", "", "mean of the aggregates' packing densities by solid volume"),
+        Quantity("friction", "friction μ", "", "friction coefficient μ"),
+        Quantity("friction_low", "μ from", "", "lower end of the friction coefficient's interval"),
+        Quantity("friction_high", "μ to", "", "upper end of the friction coefficient's interval"),
     )
 }
 
 
+def _with_unit(text: str, unit: str) -> str:
+    return f"{text} [{unit}]" if unit else text
+
+
 def label(name: str) -> str:
-    """Return the title of the quantity ``name``."""
-    return QUANTITIES[name].label
+    """Return the axis title of a quantity: its meaning and unit."""
+    return _with_unit(QUANTITIES[name].meaning, QUANTITIES[name].unit)
+
+
+def heading(name: str) -> str:
+    """Return the column heading of a quantity: its short name and unit."""
+    return _with_unit(QUANTITIES[name].short, QUANTITIES[name].unit)
