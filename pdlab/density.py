@@ -18,6 +18,47 @@ COMPACTIONS = ("loose", "rodded", "vibrated", "unstated")
 
 
 @dataclass(frozen=True)
+class Measure:
+    """A standard cylindrical measure: its ``volume`` [L] and the ``largest`` nominal size [mm] that it is for."""
+
+    volume: float
+    largest: float
+
+    @property
+    def diameter(self) -> float:
+        """Inner diameter [mm], taken equal to the height where only the name is known."""
+        return 1e2 * math.cbrt(4.0 * self.volume / math.pi)
+
+
+MEASURES = {
+    "ASTM C29": tuple(
+        Measure(volume, largest)
+        for volume, largest in ((2.8, 12.5), (9.3, 25.0), (14.0, 37.5), (28.0, 75.0), (70.0, 100.0), (100.0, 125.0))
+    ),
+    "EN 1097-3": tuple(
+        Measure(volume, largest) for volume, largest in ((1.0, 4.0), (5.0, 16.0), (10.0, 31.5), (20.0, 63.0))
+    ),
+}
+"""Volumes by nominal maximum size, from memory of the standards' tables: check them against your copy."""
+
+
+def standard_measure(standard: str, largest: float) -> Measure:
+    """Return the smallest measure of a ``standard`` for a nominal maximum size ``largest`` [mm].
+
+    Raises DensityError.
+    """
+    if standard not in MEASURES:
+        raise DensityError(f"standard '{standard}' has no measures here; use one of {', '.join(MEASURES)}")
+    fitting = [measure for measure in MEASURES[standard] if largest <= measure.largest]
+    if not fitting:
+        raise DensityError(
+            f"{standard} has no measure for {largest:g} mm, its largest is for {MEASURES[standard][-1].largest:g} mm; "
+            "give the container's diameter and height"
+        )
+    return fitting[0]
+
+
+@dataclass(frozen=True)
 class MeasuredPacking:
     """A measured packing density [-], its standard error [-], and what was assumed on the way."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdlab.errors import ProtocolError
-from pdlab.specimen import LOOSE, Component, Packing, Protocol, Specimen, mixed_spheres, with_seeds
+from pdlab.specimen import LOOSE, Component, Packing, Protocol, Specimen, mixed_spheres, protocol_of, with_seeds
 
 SEEDS, MAX_SEEDS, SEED_STEP = 4, 16, 2
 STANDARD_ERROR = 0.003
@@ -47,8 +47,11 @@ class Predicted:
     warnings: tuple[str, ...]
 
 
-def check_compaction(parts: Sequence[Part]) -> None:
-    """Raise ProtocolError when the parts' density tests were compacted in different ways."""
+def common_protocol(parts: Sequence[Part]) -> Protocol:
+    """Return the protocol that all parts were calibrated in.
+
+    Raises ProtocolError when their density tests were compacted in different ways.
+    """
     # an unstated compaction is simulated as loose, and its calibration says so
     ways = {"loose" if part.compaction == "unstated" else part.compaction for part in parts}
     if len(ways) > 1:
@@ -56,6 +59,7 @@ def check_compaction(parts: Sequence[Part]) -> None:
             f"the aggregates were tested {' and '.join(sorted(ways))}; a mixture needs one compaction: "
             "enter tests of the same kind"
         )
+    return protocol_of(ways.pop()) if ways else LOOSE
 
 
 def next_specimens(
@@ -63,13 +67,12 @@ def next_specimens(
     done: Sequence[Packing],
     seeds: int = SEEDS,
     wished_error: float = STANDARD_ERROR,
-    protocol: Protocol = LOOSE,
 ) -> list[Specimen]:
     """Return the beds to run next: ``seeds`` at first, then two more until ``wished_error`` [-] is met.
 
     Never more than the larger of ``seeds`` and 16. Raises ProtocolError, ShareError, SpecimenTooLarge.
     """
-    check_compaction(parts)
+    protocol = common_protocol(parts)
     if len(done) < seeds:
         wanted = seeds
     elif seed_error(done) > wished_error and len(done) < MAX_SEEDS:

@@ -3,27 +3,34 @@
 import numpy as np
 
 from pdlab import dem
-from pdlab.dem import simulation
+from pdlab.dem import bed, measures, simulation
 from pdlab.dem.jit import fingerprint
 from pdlab.errors import RunDiverged, Segregated
-from pdlab.specimen import Packing, Specimen
+from pdlab.specimen import FILL_ABOVE, OWN, Packing, Specimen
 
 VERSION = dem.VERSION
 SHARE_WARNING, SHARE_LIMIT = 0.02, 0.05
 """Differences between the slab's shares and the mixture's that are said, and that are refused."""
 
-State = simulation.State
+State = bed.State
 
 
-def setup(specimen: Specimen) -> simulation.Setup:
+def setup(specimen: Specimen) -> bed.Setup:
     """Return the engine's own form of a specimen."""
-    protocol = specimen.protocol
-    return simulation.Setup(
-        diameter=np.array([kind.diameter for kind in specimen.species]),
-        density=np.array([kind.density for kind in specimen.species]),
-        friction=np.array([kind.friction for kind in specimen.species]),
-        count=np.array([kind.count for kind in specimen.species]),
+    protocol, kinds = specimen.protocol, specimen.species
+    way = {name: getattr(protocol, name) for name in OWN[protocol.compaction]}
+    if protocol.compaction != "vibrated":
+        way["shake_periods"] = 0
+    if protocol.compaction != "rodded":
+        way |= {"layers": 1, "drops": 0}
+    return bed.Setup(
+        diameter=np.array([kind.diameter for kind in kinds]),
+        density=np.array([kind.density for kind in kinds]),
+        friction=np.array([kind.friction for kind in kinds]),
+        rolling=np.array([kind.rolling for kind in kinds]) if any(kind.rolling for kind in kinds) else None,
+        count=np.array([kind.count for kind in kinds]),
         width=specimen.width,
+        cylinder=protocol.container == "cylinder",
         seed=specimen.seed,
         wall_friction=specimen.wall_friction,
         restitution=protocol.restitution,
@@ -31,36 +38,49 @@ def setup(specimen: Specimen) -> simulation.Setup:
         nominal_overlap=protocol.nominal_overlap,
         cloud_fraction=protocol.cloud_fraction,
         steps_per_collision=protocol.steps_per_collision,
+        **way,
     )
 
 
-def advance(specimen: Specimen, state: State | None, steps: int) -> State:
+def advance(specimen: Specimen, state: State | None, steps: int, threads: int = 1) -> State:
     """Return the bed after at most ``steps`` more steps, None standing for its beginning.
 
-    Raises RunDiverged and NotAtRest.
+    ``threads`` share the work of each step: worth it for large beds on idle cores. Raises RunDiverged,
+    NotAtRest, and InputError for more threads than cores.
     """
-    return simulation.advance(setup(specimen), state, steps)
+    return simulation.advance(setup(specimen), state, steps, threads)
 
 
 def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
     """Return what a bed at rest shows; ``seconds``: computing time, kept with the result.
 
-    Raises RunDiverged when spheres overlap too much, Segregated when the middle is another mixture.
+    Raises RunDiverged when spheres overlap too much or a measure is not filled, Segregated when the
+    middle is another mixture.
     """
-    low, high = simulation.slab(state.place)
-    overlap = simulation.largest_overlap(setup(specimen), state)
-    if overlap > simulation.MAX_OVERLAP:
+    whole = setup(specimen)
+    low, high = (0.0, specimen.height) if specimen.height is not None else measures.slab(state.place)
+    overlap = measures.largest_overlap(whole, state)
+    if overlap > measures.MAX_OVERLAP:
         raise RunDiverged(
             f"two spheres overlap by {overlap:.2%} of the smaller diameter, more than the limit of "
-            f"{simulation.MAX_OVERLAP:.0%}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}"
+            f"{measures.MAX_OVERLAP:.0%}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}"
         )
-    solids = np.bincount(state.species, simulation.solids_between(state.place, low, high), len(specimen.species))
+    density = measures.solid_fraction(state.place, whole.area, low, high)
+    if specimen.height is not None:
+        above = measures.solid_fraction(state.place, whole.area, high, high + 1e6) * 1e6 / density
+        if above < FILL_ABOVE:
+            raise RunDiverged(
+                f"the fill stands {above:.2f} largest diameters above the rim, less than {FILL_ABOVE:g}; "
+                "plan the measure with in_cylinder"
+            )
+    solids = np.bincount(state.species, measures.solids_between(state.place, low, high), len(specimen.species))
     shares = tuple(float(share) for share in solids / solids.sum())
+    middle = measures.slab(state.place) if specimen.height is None else (0.25 * high, 0.75 * high)
     return Packing(
         digest=specimen.digest(VERSION),
-        packing_density=simulation.solid_fraction(state.place, specimen.width, low, high),
-        coordination_number=simulation.contacts_per_sphere(state, low, high),
-        height=2.0 * (high - low),
+        packing_density=density,
+        coordination_number=measures.contacts_per_sphere(whole, state, *middle),
+        height=2.0 * (high - low) if specimen.height is None else high,
         slab_shares=shares,
         largest_overlap=overlap,
         rest=state.rest,

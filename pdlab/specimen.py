@@ -20,7 +20,11 @@ MIN_WIDTH, MIN_HEIGHT, MIN_OF_RAREST = 5.0, 10.0, 150
 """Least width and height of a mixture's bed, in largest diameters, and spheres of the rarest species."""
 DENSEST = 0.75
 """Packing density at which a planned mixture's bed still has its least height."""
-MAX_SPHERES = 100_000
+DENSEST_EQUAL = 0.67
+"""The same for equal spheres, which no test of ours packs denser."""
+FILL_ABOVE, NARROWEST = 1.5, 3.0
+"""Largest diameters by which a fill is to stand above a measure's rim, and the least width and height."""
+MAX_SPHERES = 200_000
 SAME_DENSITY = 0.2
 """Two aggregates whose particle densities differ by less than this share are equally dense."""
 SHARE_TOLERANCE = 0.0011
@@ -32,14 +36,35 @@ def on_grid(value: float) -> float:
     return float(f"{value:.4g}")
 
 
+CONTAINERS = ("periodic", "cylinder")
+COMMON = ("local_damping", "restitution", "nominal_overlap", "cloud_fraction", "steps_per_collision", "wall_friction")
+OWN = {
+    "loose": (),
+    "rodded": ("layers", "drops", "drop_height", "drop_pause"),
+    "vibrated": ("shake_periods", "shake_acceleration", "shake_amplitude"),
+}
+"""The settings that each compaction has beside the common ones."""
+LIMITS = {
+    "local_damping": (0.0, 0.95), "restitution": (0.05, 1.0), "nominal_overlap": (1e-5, 0.01),
+    "cloud_fraction": (0.05, 0.3), "steps_per_collision": (8.0, 1000.0), "wall_friction": (0.0, 10.0),
+    "layers": (1, 10), "drops": (0, 1000), "drop_height": (0.01, 10.0), "drop_pause": (0.1, 100.0),
+    "shake_periods": (0, 100_000), "shake_acceleration": (0.0, 50.0), "shake_amplitude": (0.001, 5.0),
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class Protocol:
     """How a test is done, all in reduced units; a friction coefficient belongs to its protocol.
 
-    ``compaction``: loose. ``container``: periodic, no side walls. ``local_damping``: PFC3D's α.
+    ``compaction``: loose, a cloud falls and settles; rodded, in ``layers`` layers, after each of which
+    the container is lifted ``drop_height`` and dropped ``drops`` times, ``drop_pause`` apart; vibrated,
+    loose and then ``shake_periods`` of a vertical sine of peak acceleration ``shake_acceleration`` g and
+    amplitude ``shake_amplitude``. ``container``: periodic, no side walls, or cylinder.
+    ``local_damping``: PFC3D's α while spheres are poured and settle; compaction goes without.
     ``restitution`` of a bounce. ``nominal_overlap``: the bed's weight on its floor over the contact
     modulus. ``cloud_fraction``: solid fraction of the cloud that falls. ``steps_per_collision``: time
-    steps in the shortest collision. ``wall_friction``: None for the smallest friction present.
+    steps in the shortest collision. ``wall_friction``: None for the smallest friction present. Raises
+    ProtocolError.
     """
 
     compaction: str = "loose"
@@ -50,44 +75,70 @@ class Protocol:
     cloud_fraction: float = 0.25
     steps_per_collision: float = 10.0
     wall_friction: float | None = None
+    layers: int = 3
+    drops: int = 25
+    drop_height: float = 0.5
+    drop_pause: float = 5.0
+    shake_periods: int = 200
+    shake_acceleration: float = 3.0
+    shake_amplitude: float = 0.1
 
     def __post_init__(self) -> None:
-        if self.compaction != "loose" or self.container != "periodic":
-            raise ProtocolError(
-                f"'{self.compaction}' compaction in a '{self.container}' container cannot be simulated yet, "
-                "only 'loose' in 'periodic'; use a loose test"
-            )
-        bounds = {
-            "local_damping": (0.0, 0.95), "restitution": (0.05, 1.0), "nominal_overlap": (1e-5, 0.01),
-            "cloud_fraction": (0.05, 0.3), "steps_per_collision": (8.0, 1000.0), "wall_friction": (0.0, 10.0),
-        }  # fmt: skip
-        for name, (low, high) in bounds.items():
+        for name, known in (("compaction", tuple(OWN)), ("container", CONTAINERS)):
+            if getattr(self, name) not in known:
+                raise ProtocolError(f"{name} '{getattr(self, name)}' cannot be simulated; use {' or '.join(known)}")
+        for name, (low, high) in LIMITS.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise ProtocolError(f"{name} {value:g} lies outside [{low:g}, {high:g}]; choose a value inside")
 
+    def settings(self) -> dict[str, Any]:
+        """Return the settings that matter to this compaction, by name."""
+        return {name: getattr(self, name) for name in ("compaction", "container", *COMMON, *OWN[self.compaction])}
 
-LOOSE = Protocol()
+
+LOOSE, RODDED, VIBRATED = (Protocol(compaction) for compaction in OWN)
+
+
+def protocol_of(compaction: str) -> Protocol:
+    """Return how a test of this compaction is simulated; an unstated one as loose."""
+    return {"loose": LOOSE, "rodded": RODDED, "vibrated": VIBRATED, "unstated": LOOSE}[compaction]
 
 
 @dataclass(frozen=True)
 class Species:
-    """Equal spheres: ``diameter`` over the largest, ``friction``, ``density`` over the largest's, ``count``."""
+    """Equal spheres: ``diameter`` over the largest, ``friction``, ``density`` over the largest's, ``count``.
+
+    ``rolling``: the coefficient of rolling resistance, 0 for none.
+    """
 
     diameter: float
     friction: float
     count: int
     density: float = 1.0
+    rolling: float = 0.0
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """A bed to be simulated: species from coarse to fine, ``width`` in largest diameters, seed."""
+    """A bed to be simulated: species from coarse to fine, and the seed.
+
+    ``width`` of the periodic box, or inner diameter of the cylinder, in largest diameters; ``height``: of
+    the cylinder's rim above its floor, None without one.
+    """
 
     species: tuple[Species, ...]
     width: float
     seed: int
     protocol: Protocol = LOOSE
+    height: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.height is None) != (self.protocol.container == "periodic"):
+            raise ProtocolError(
+                f"a {self.protocol.container} container with a rim at {self.height}: a cylinder needs a height, "
+                "a periodic box has none; correct one of them"
+            )
 
     @property
     def spheres(self) -> int:
@@ -102,7 +153,7 @@ class Specimen:
 
     @property
     def wall_friction(self) -> float:
-        """Friction at the floor: the protocol's, else the smallest present."""
+        """Friction at the walls: the protocol's, else the smallest present."""
         given = self.protocol.wall_friction
         return min(kind.friction for kind in self.species) if given is None else given
 
@@ -110,10 +161,11 @@ class Specimen:
         """Return the one JSON text that stands for this specimen under ``dem.VERSION``."""
         content: dict[str, Any] = {
             "engine_version": engine_version,
-            "protocol": {**vars(self.protocol), "wall_friction": self.wall_friction},
+            "protocol": {**self.protocol.settings(), "wall_friction": self.wall_friction},
             "seed": self.seed,
             "species": [vars(kind) for kind in self.species],
             "width": self.width,
+            "height": self.height,
         }
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
@@ -126,8 +178,9 @@ class Specimen:
 class Packing:
     """What a run gave.
 
-    ``packing_density`` of the bed's middle half; ``coordination_number``: contacts per sphere there,
-    rattlers included; ``height`` in largest diameters; ``slab_shares`` (S,) of the solids there;
+    ``packing_density`` of the bed's middle half, or of a cylinder up to its rim; ``coordination_number``:
+    contacts per sphere there, rattlers included; ``height`` in largest diameters; ``slab_shares`` (S,) of
+    the solids there;
     ``largest_overlap`` over the smaller diameter; ``rest``: still or creeping.
     """
 
@@ -144,22 +197,25 @@ class Packing:
     warnings: tuple[str, ...] = field(default=())
 
 
-def equal_spheres(friction: float, seed: int, protocol: Protocol = LOOSE) -> Specimen:
-    """Return a bed of equal spheres of one ``friction`` coefficient [-]."""
-    return Specimen((Species(1.0, on_grid(friction), EQUAL_SPHERES),), EQUAL_WIDTH, seed, protocol)
+def equal_spheres(friction: float, seed: int, protocol: Protocol = LOOSE, rolling: float = 0.0) -> Specimen:
+    """Return a periodic bed of equal spheres of one ``friction`` and one ``rolling`` coefficient [-]."""
+    one = Species(1.0, on_grid(friction), EQUAL_SPHERES, rolling=on_grid(rolling))
+    return Specimen((one,), EQUAL_WIDTH, seed, protocol)
 
 
 @dataclass(frozen=True)
 class Component:
     """A mixture's part: ``diameter`` [any unit], ``friction`` [-], ``share`` of the solid volume [-].
 
-    ``density``: oven-dry particle density [kg/m³] where known.
+    ``density``: oven-dry particle density [kg/m³] where known; ``rolling``: coefficient of rolling
+    resistance [-].
     """
 
     diameter: float
     friction: float
     share: float
     density: float | None = None
+    rolling: float = 0.0
 
 
 def check_shares(shares: Sequence[float]) -> None:
@@ -174,7 +230,7 @@ def check_shares(shares: Sequence[float]) -> None:
 
 
 def mixed_spheres(components: Sequence[Component], seed: int, protocol: Protocol = LOOSE) -> Specimen:
-    """Return the bed of a mixture, as large as the least width, height and counts ask for.
+    """Return the periodic bed of a mixture, as large as the least width, height and counts ask for.
 
     Components of equal spheres become one species, and a single species the bed of equal spheres.
     Raises ShareError and SpecimenTooLarge.
@@ -182,23 +238,52 @@ def mixed_spheres(components: Sequence[Component], seed: int, protocol: Protocol
     check_shares([part.share for part in components])
     merged = _merge(components)
     if len(merged) == 1:
-        return equal_spheres(merged[0].friction, seed, protocol)
-    # spheres per unit of solid volume, and the solid volume that every minimum is met with
-    per_volume = [part.share / (math.pi / 6.0 * part.diameter**3) for part in merged]
-    solids = max(MIN_WIDTH**2 * MIN_HEIGHT * DENSEST, MIN_OF_RAREST / min(per_volume), EQUAL_SPHERES / sum(per_volume))
-    counts = [math.ceil(solids * number) for number in per_volume]
+        return equal_spheres(merged[0].friction, seed, protocol, merged[0].rolling)
+    per_volume = _per_volume(merged)
+    least = MIN_WIDTH**2 * MIN_HEIGHT * DENSEST
+    solids = max(least, MIN_OF_RAREST / min(per_volume), EQUAL_SPHERES / sum(per_volume))
+    width = on_grid(MIN_WIDTH * (solids / least) ** (1.0 / 3.0))
+    return Specimen(_species(merged, solids), width, seed, protocol)
+
+
+def in_cylinder(
+    components: Sequence[Component], diameter: float, height: float, seed: int, protocol: Protocol
+) -> Specimen:
+    """Return the bed that fills a cylindrical measure to beyond its rim.
+
+    ``diameter`` and ``height`` of the measure in the unit of the components' diameters; the settled fill
+    is to stand 1.5 largest diameters above the rim. Raises ShareError, ProtocolError, SpecimenTooLarge.
+    """
+    check_shares([part.share for part in components])
+    merged, largest = _merge(components), max(part.diameter for part in components)
+    wide, high = on_grid(diameter / largest), on_grid(height / largest)
+    if wide < NARROWEST or high < NARROWEST:
+        raise ProtocolError(
+            f"the measure is {wide:g} of the largest diameter wide and {high:g} high, less than {NARROWEST:g}; "
+            "take a larger measure"
+        )
+    solids = math.pi / 4.0 * wide**2 * (high + FILL_ABOVE) * (DENSEST if len(merged) > 1 else DENSEST_EQUAL)
+    return Specimen(_species(merged, solids), wide, seed, protocol, high)
+
+
+def _per_volume(merged: Sequence[Component]) -> list[float]:
+    """Return the spheres of each component in a unit of all solids' volume."""
+    return [part.share / (math.pi / 6.0 * part.diameter**3) for part in merged]
+
+
+def _species(merged: Sequence[Component], solids: float) -> tuple[Species, ...]:
+    """Return the species whose solids have this volume. Raises SpecimenTooLarge."""
+    counts = [math.ceil(solids * number) for number in _per_volume(merged)]
     if sum(counts) > MAX_SPHERES:
         raise SpecimenTooLarge(
-            f"this mixture takes {sum(counts):,} spheres, more than the cap of {MAX_SPHERES:,}: its size ratio is "
+            f"this takes {sum(counts):,} spheres, more than the cap of {MAX_SPHERES:,}: its size ratio is "
             f"{1.0 / merged[-1].diameter:.3g} and its smallest share {min(part.share for part in merged):.3g}; "
-            "leave the finest aggregate out or raise the smallest share"
+            "leave the finest aggregate out, raise the smallest share, or take a smaller measure"
         )
-    width = MIN_WIDTH * (solids / (MIN_WIDTH**2 * MIN_HEIGHT * DENSEST)) ** (1.0 / 3.0)
-    species = (
-        Species(part.diameter, part.friction, count, part.density or 1.0)
+    return tuple(
+        Species(part.diameter, part.friction, count, part.density or 1.0, part.rolling)
         for part, count in zip(merged, counts, strict=True)
     )
-    return Specimen(tuple(species), on_grid(width), seed, protocol)
 
 
 def _merge(components: Sequence[Component]) -> list[Component]:
@@ -207,13 +292,13 @@ def _merge(components: Sequence[Component]) -> list[Component]:
     known = [part.density for part in components if part.density is not None]
     alike = len(known) < len(components) or max(known) <= (1.0 + SAME_DENSITY) * min(known)
     heaviest = max((part.diameter, part.density or 0.0) for part in components)[1]
-    merged: dict[tuple[float, float, float], float] = {}
+    merged: dict[tuple[float, float, float, float], float] = {}
     for part in components:
         density = 1.0 if alike else on_grid((part.density or 0.0) / heaviest)
-        key = (on_grid(part.diameter / largest), on_grid(part.friction), density)
+        key = (on_grid(part.diameter / largest), on_grid(part.friction), density, on_grid(part.rolling))
         merged[key] = merged.get(key, 0.0) + part.share
     ordered = sorted(merged.items(), reverse=True)
-    return [Component(d, mu, on_grid(share), density) for (d, mu, density), share in ordered]
+    return [Component(d, mu, on_grid(share), density, mu_r) for (d, mu, density, mu_r), share in ordered]
 
 
 def with_seeds(specimen: Specimen, seeds: Sequence[int]) -> list[Specimen]:

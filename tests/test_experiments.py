@@ -1,5 +1,6 @@
 """The services: register all or nothing, calibrate, predict, compare."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,10 +10,19 @@ from sqlalchemy import func, select
 
 from pdlab import experiments
 from pdlab import store as store_module
-from pdlab.errors import InputError, NotAtRest, OutOfReach, ShareError, SpecimenTooLarge, TableError, UnknownName
+from pdlab.errors import (
+    InputError,
+    NotAtRest,
+    OutOfReach,
+    ProtocolError,
+    ShareError,
+    SpecimenTooLarge,
+    TableError,
+    UnknownName,
+)
 from pdlab.experiments import calibrate, comparisons, predict, register
 from pdlab.lab import SHIPPED
-from pdlab.models import Aggregate, Calibration, Prediction
+from pdlab.models import Aggregate, Calibration, Prediction, Run
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -188,7 +198,6 @@ def test_an_empty_store_says_what_to_do_first(store: Store, formula_runner: Any)
     [
         ("material,compaction,packing_density\nA,loose,0.47\n", OutOfReach, "packing density 0.47 is out of reach"),
         ("material,compaction,packing_density\nA,loose,0.7\n", OutOfReach, "packing density 0.7 is out of reach"),
-        ("material,compaction,packing_density\nA,rodded,0.6\n", InputError, "was tested rodded"),
         ("material,compaction,packing_density\nB,loose,0.6\n", InputError, "'A' has no density test"),
     ],
 )
@@ -209,6 +218,25 @@ def test_an_aggregate_that_cannot_be_calibrated_says_why_and_stops_no_other(
     assert (message in summary.message) == isinstance(bad.error, OutOfReach)  # known before a test was simulated
     assert comparisons(store)[0].state == "failed"
     assert message in comparisons(store)[0].message
+
+
+def test_a_test_is_simulated_as_it_was_compacted(store: Store, folder: Folder, formula_runner: Any) -> None:
+    rodded = TESTS.replace("loose", "rodded")
+    load(store, folder(aggregates=AGGREGATES, sieves=SIEVES, packing_tests=rodded, mixtures=MIXTURES))
+    (report,) = predict(store, formula_runner(store))
+    assert report.state == "done"
+    with store.read() as session:
+        rows = [*session.scalars(select(Calibration)), *session.scalars(select(Prediction))]
+        ways = {json.loads(run.specimen)["protocol"]["compaction"] for run in session.scalars(select(Run))}
+    assert {json.loads(row.protocol)["compaction"] for row in rows} == ways == {"rodded"}
+
+
+def test_loose_and_rodded_tests_do_not_mix(store: Store, folder: Folder, formula_runner: Any) -> None:
+    tests = TESTS.replace("B,loose", "B,rodded")
+    load(store, folder(aggregates=AGGREGATES, sieves=SIEVES, packing_tests=tests, mixtures=MIXTURES))
+    (report,) = predict(store, formula_runner(store))
+    assert isinstance(report.error, ProtocolError)
+    assert "tested loose and rodded" in str(report.error)
 
 
 def test_a_failed_run_fails_its_mixture_and_no_other(pebbles: Store, formula_runner: Any) -> None:

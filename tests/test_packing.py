@@ -19,11 +19,11 @@ def bed() -> packing.State:
 
 def sunk(bed: packing.State, count: int) -> packing.State:
     """The bed without contacts, with so many coarse spheres moved from its middle to its floor."""
-    low, high = packing.simulation.slab(bed.place)
+    low, high = packing.measures.slab(bed.place)
     place = bed.place.copy()
     inside = np.flatnonzero((place[:, 2] > low) & (place[:, 2] < high) & (place[:, 3] == 0.5))
     place[inside[:count], 2] = 0.5
-    return replace(bed, place=place, touching=np.zeros_like(bed.touching))
+    return replace(bed, place=place, pairs=bed.pairs._replace(total=np.zeros(1, np.int64)))
 
 
 def test_a_bed_reports_its_density_contacts_height_and_shares(bed: packing.State) -> None:
@@ -42,10 +42,10 @@ def test_a_middle_of_other_shares_is_refused(bed: packing.State) -> None:
 
 
 def test_spheres_that_overlap_too_much_are_refused(bed: packing.State) -> None:
-    touching = int(np.flatnonzero(bed.touching)[0])
-    i = int(np.searchsorted(bed.first, touching, side="right")) - 1
+    one, other, _ = packing.measures.contacts(packing.setup(MIXED), bed)
+    i, j = one[0], other[0]
     place = bed.place.copy()
-    toward = place[bed.neighbor[touching], :3] - place[i, :3]
+    toward = place[j, :3] - place[i, :3]
     toward[:2] -= MIXED.width * np.round(toward[:2] / MIXED.width)
     place[i, :3] += 0.1 * toward
     with pytest.raises(RunDiverged, match=r"overlap by .* more than the limit of 2%"):

@@ -32,7 +32,7 @@ def test_the_canonical_form_names_all_that_decides_a_run() -> None:
     content = json.loads(equal_spheres(0.3, 7).canonical(4))
     assert content["engine_version"] == 4
     assert content["seed"] == 7
-    assert content["species"] == [{"diameter": 1.0, "friction": 0.3, "count": 2500, "density": 1.0}]
+    assert content["species"] == [{"diameter": 1.0, "friction": 0.3, "count": 2500, "density": 1.0, "rolling": 0.0}]
     assert content["protocol"]["wall_friction"] == 0.3
     assert content["width"] == 10.0
 
@@ -55,7 +55,7 @@ def test_a_mixture_meets_width_height_counts_and_shares(ratio: float, share: flo
 
 
 def test_too_many_spheres_are_refused_with_their_number() -> None:
-    with pytest.raises(SpecimenTooLarge, match=r"takes [\d,]+ spheres, more than the cap of 100,000"):
+    with pytest.raises(SpecimenTooLarge, match=r"takes [\d,]+ spheres, more than the cap of 200,000"):
         mixed_spheres([Component(30.0, 0.2, 0.5), Component(1.0, 0.2, 0.5)], 1)
 
 
@@ -72,7 +72,10 @@ def test_shares_that_are_no_proportions_are_refused(shares: tuple[float, float])
         mixed_spheres([Component(2.0, 0.2, shares[0]), Component(1.0, 0.2, shares[1])], 1)
 
 
-@pytest.mark.parametrize("change", [{"compaction": "rodded"}, {"local_damping": 1.0}, {"restitution": 0.0}])
+@pytest.mark.parametrize(
+    "change",
+    [{"compaction": "stamped"}, {"container": "cube"}, {"drops": 2000}, {"local_damping": 1.0}, {"restitution": 0.0}],
+)
 def test_a_protocol_outside_its_limits_is_refused(change: dict[str, object]) -> None:
     with pytest.raises(ProtocolError):
         Protocol(**change)  # type: ignore[arg-type]

@@ -11,13 +11,14 @@ ATTEMPTS = 20_000
 
 
 @kernel
-def cloud(radius, width, height, attempts, rng):  # type: ignore[no-untyped-def]
-    """Return places (N, 4) of spheres between floor and ``height``, and how many found one.
+def cloud(radius, width, wall, bottom, top, attempts, rng):  # type: ignore[no-untyped-def]
+    """Return places (N, 4) of spheres between the heights ``bottom`` and ``top``, and how many found one.
 
-    ``radius`` (N,) falls or stays; places are uniform and laterally periodic. The cells hold the
-    spheres by linked lists, one grid per factor of 1.5 in size.
+    ``radius`` (N,) falls or stays; places are uniform, laterally periodic, and inside the cylinder of
+    radius ``wall`` in the box's middle, infinite where there is none. The cells hold the spheres by
+    linked lists, one grid per factor of 1.5 in size.
     """
-    n = radius.size
+    n, height = radius.size, top - bottom
     place, chain = np.empty((n, 4)), np.full(n, -1, np.int64)
     classes = int(math.log(radius[0] / radius[n - 1]) / math.log(1.5) + 1e-9) + 1
     largest, along, up = np.zeros(classes), np.zeros(classes, np.int64), np.zeros(classes, np.int64)
@@ -32,6 +33,8 @@ def cloud(radius, width, height, attempts, rng):  # type: ignore[no-untyped-def]
         r, found = radius[i], False
         for _ in range(attempts):
             x, y = rng.random() * width, rng.random() * width
+            while math.hypot(x - 0.5 * width, y - 0.5 * width) + r > wall:
+                x, y = rng.random() * width, rng.random() * width
             z = r + rng.random() * (height - 2.0 * r)
             if fits(x, y, z, r, place, width, largest, along, up, offset, head, chain):
                 found = True
@@ -45,6 +48,7 @@ def cloud(radius, width, height, attempts, rng):  # type: ignore[no-untyped-def]
         cell += min(int(x / edge), along[c] - 1)
         chain[i] = head[cell]
         head[cell] = i
+    place[:, 2] += bottom
     return place, n
 
 

@@ -29,20 +29,35 @@ def _cache_folder() -> Path:
 _FOLDER = _cache_folder()
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile ``function`` with the options that every kernel of the engine shares."""
+def _compiled(function: Callable[..., Any], **more: bool) -> Callable[..., Any]:
     options: Any = numba.config
+    njit: Any = numba.njit
     outside, options.CACHE_DIR = options.CACHE_DIR, str(_FOLDER)  # read once, when the cache is enabled below
     try:
-        compiled = numba.njit(
-            cache=True,  # a second process starts in milliseconds
+        compiled: Callable[..., Any] = njit(
             nogil=True,  # other threads of the process live on
             error_model="numpy",  # no test for a zero divisor in the inner loop
             fastmath={"contract"},  # fused multiply-add; NaN and infinity keep their meaning
+            **more,
         )(function)
     finally:
         options.CACHE_DIR = outside
     return compiled
+
+
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile ``function`` with the options that every kernel of the engine shares."""
+    return _compiled(function, cache=True)  # a second process starts in milliseconds
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile ``function`` into its callers: what it returns stays in registers."""
+    return _compiled(function, forceinline=True)
+
+
+def threaded(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile ``function`` so that its ``prange`` loops run on several threads."""
+    return _compiled(function, cache=True, parallel=True)
 
 
 def fingerprint() -> dict[str, str]:

@@ -1,14 +1,40 @@
 """Who may touch whom: cell lists, one grid per size class, and the Verlet list made from them.
 
 Every sphere carries an allowance, the way it may go before the list is stale; a fast one gets more.
-The list holds each pair once, with the coarser class, and within a class with the smaller index.
+The list holds each pair once, under the smaller index, in groups of eight.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numba import prange
 
-from pdlab.dem.jit import kernel
+from pdlab.dem.jit import kernel, threaded
+from pdlab.dem.quads import PAIRS
+
+
+class PairList(NamedTuple):
+    """Pairs that may touch, in G groups of eight; the last group is filled up with a pair of no stiffness.
+
+    ``owner``, ``neighbor``, ``kind`` (8 G,), unsigned: spheres i < j and their row in the law's table.
+    ``spring`` (24 G,): the tangential springs' forces on i, of each group x, y, z of the eight; (48 G,)
+    with rolling resistance, whose springs' moments follow. ``touched`` (G,): whether any pair of the
+    group touched in the last step. ``total`` (1,): the pairs, without the fill.
+    """
+
+    owner: np.ndarray
+    neighbor: np.ndarray
+    kind: np.ndarray
+    spring: np.ndarray
+    touched: np.ndarray
+    total: np.ndarray
+
+
+def no_pairs() -> PairList:
+    """Return an empty list."""
+    index = np.zeros(0, np.uint32)
+    return PairList(index, index, index, np.zeros(0), np.zeros(0, np.uint8), np.zeros(1, np.int64))
 
 
 def size_classes(radius: np.ndarray) -> np.ndarray:
@@ -54,7 +80,7 @@ def make_grids(place, reach, sizes, classes, width):  # type: ignore[no-untyped-
         ix = min(int(place[i, 0] / edge[c]), along[c] - 1)
         iy = min(int(place[i, 1] / edge[c]), along[c] - 1)
         iz = int((place[i, 2] - bottom[c]) / edge[c])
-        cell[i] = offset[c] + (iz * along[c] + iy) * along[c] + ix
+        cell[i] = offset[c] + (ix * along[c] + iy) * up[c] + iz  # upward cells follow each other
         start[cell[i] + 1] += 1
     for b in range(offset[classes]):
         start[b + 1] += start[b]
@@ -66,61 +92,166 @@ def make_grids(place, reach, sizes, classes, width):  # type: ignore[no-untyped-
 
 
 @kernel
-def verlet_list(place, allowance, sizes, classes, width):  # type: ignore[no-untyped-def]
-    """Return ``first`` (N + 1,) and ``neighbor`` (P,): all pairs that allowances may bring to touch.
+def search(begin, end, sorted_place, rank, sizes, grids, width, owner, neighbor, at, limit):  # type: ignore[no-untyped-def]
+    """Write the pairs of spheres ``begin`` to ``end`` with those later in the cells; return how many.
 
-    ``place`` (N, 4): x and y within [0, width), z, radius. ``allowance`` (N,), in length.
+    ``sorted_place`` (N, 4): x, y, z and reach in the order of the cells, in which sphere i is
+    ``rank[i]``-th. Pairs go to ``owner`` and ``neighbor`` from ``at`` on, at most ``limit`` of them; all
+    are counted.
     """
-    n = place.shape[0]
-    reach = place[:, 3] + allowance
-    along, up, edge, bottom, far, offset, start, items = make_grids(place, reach, sizes, classes, width)
-    first, neighbor, pairs, half = np.zeros(n + 1, np.int64), np.empty(8 * n + 64, np.int32), 0, 0.5 * width
-    for i in range(n):
-        x, y, z, own = place[i, 0], place[i, 1], place[i, 2], sizes[i]
-        for c in range(own, classes):
-            r = reach[i] + far[c]
+    along, up, edge, bottom, far, offset, start, items = grids
+    pairs, half, classes = 0, 0.5 * width, along.size
+    for i in range(begin, end):
+        p = rank[i]
+        x, y, z, reach = sorted_place[p, 0], sorted_place[p, 1], sorted_place[p, 2], sorted_place[p, 3]
+        for c in range(sizes[i], classes):
+            r = reach + far[c]
             z0 = max(0, math.floor((z - r - bottom[c]) / edge[c]))
             z1 = min(up[c] - 1, math.floor((z + r - bottom[c]) / edge[c]))
             x0, x1 = math.floor((x - r) / edge[c]), math.floor((x + r) / edge[c])
             y0, y1 = math.floor((y - r) / edge[c]), math.floor((y + r) / edge[c])
             x1, y1 = min(x1, x0 + along[c] - 1), min(y1, y0 + along[c] - 1)
-            for iz in range(z0, z1 + 1):
+            if z1 < z0:
+                continue
+            for ix in range(x0, x1 + 1):
+                wx = ix + along[c] if ix < 0 else (ix - along[c] if ix >= along[c] else ix)
                 for iy in range(y0, y1 + 1):
-                    row = offset[c] + (iz * along[c] + iy % along[c]) * along[c]
-                    for ix in range(x0, x1 + 1):
-                        cell = row + ix % along[c]
-                        for q in range(start[cell], start[cell + 1]):
-                            j = items[q]
-                            if c == own and j <= i:
-                                continue
-                            dx, dy, dz = x - place[j, 0], y - place[j, 1], z - place[j, 2]
-                            dx += (width if dx < -half else 0.0) - (width if dx > half else 0.0)
-                            dy += (width if dy < -half else 0.0) - (width if dy > half else 0.0)
-                            limit = reach[i] + reach[j]
-                            if dx * dx + dy * dy + dz * dz < limit * limit:
-                                if pairs == neighbor.size:
-                                    grown = np.empty(2 * pairs, np.int32)
-                                    grown[:pairs] = neighbor
-                                    neighbor = grown
-                                neighbor[pairs] = j
-                                pairs += 1
-        first[i + 1] = pairs
-    return first, neighbor[:pairs].copy()
+                    wy = iy + along[c] if iy < 0 else (iy - along[c] if iy >= along[c] else iy)
+                    row = offset[c] + (wx * along[c] + wy) * up[c]
+                    for q in range(max(start[row + z0], p + 1), start[row + z1 + 1]):
+                        dx, dy, dz = x - sorted_place[q, 0], y - sorted_place[q, 1], z - sorted_place[q, 2]
+                        dx += (width if dx < -half else 0.0) - (width if dx > half else 0.0)
+                        dy += (width if dy < -half else 0.0) - (width if dy > half else 0.0)
+                        near = reach + sorted_place[q, 3]
+                        if dx * dx + dy * dy + dz * dz < near * near:
+                            if pairs < limit:
+                                j = items[q]
+                                owner[at + pairs], neighbor[at + pairs] = min(i, j), max(i, j)
+                            pairs += 1
+    return pairs
+
+
+@threaded
+def search_threads(  # type: ignore[no-untyped-def]
+    parts, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found
+):
+    """Search in ``parts`` parts at once, each writing from ``part * room`` on; count them in ``found``."""
+    n = sorted_place.shape[0]
+    for part in prange(parts):
+        begin, end = part * n // parts, (part + 1) * n // parts
+        found[part] = search(begin, end, sorted_place, rank, sizes, grids, width, owner, neighbor, part * room, room)
 
 
 @kernel
-def carry_springs(old_first, old_neighbor, old_touching, old_spring, first, neighbor):  # type: ignore[no-untyped-def]
-    """Return ``touching`` (P,) and ``spring`` (P, 3) of a new list, the touching pairs' carried over."""
-    touching, spring = np.zeros(neighbor.size, np.uint8), np.zeros((neighbor.size, 3))
-    for i in range(first.size - 1):
-        for k in range(old_first[i], old_first[i + 1]):
-            if old_touching[k]:
-                for m in range(first[i], first[i + 1]):
-                    if neighbor[m] == old_neighbor[k]:
-                        touching[m] = 1
-                        spring[m, 0], spring[m, 1], spring[m, 2] = old_spring[k, 0], old_spring[k, 1], old_spring[k, 2]
-                        break
-    return touching, spring
+def all_found(place, allowance, sizes, classes, width, guess, parts):  # type: ignore[no-untyped-def]
+    """Return ``owner`` and ``neighbor`` (P,): all pairs that allowances may bring to touch.
+
+    ``place`` (N, 4): x and y within [0, width), z, radius. ``allowance`` (N,), in length. ``guess``:
+    how many pairs there may be. ``parts``: None, or in how many parts to search at once.
+    """
+    n = place.shape[0]
+    grids = make_grids(place, place[:, 3] + allowance, sizes, classes, width)
+    items = grids[7]
+    sorted_place, rank = np.empty((n, 4)), np.empty(n, np.int64)
+    for p in range(n):
+        i = items[p]
+        sorted_place[p, 0], sorted_place[p, 1], sorted_place[p, 2] = place[i, 0], place[i, 1], place[i, 2]
+        sorted_place[p, 3], rank[i] = place[i, 3] + allowance[i], p
+    count = 1 if parts is None else parts
+    found, room = np.zeros(count, np.int64), guess // count + 64
+    while True:
+        owner, neighbor = np.empty(count * room, np.uint32), np.empty(count * room, np.uint32)
+        if parts is None:
+            found[0] = search(0, n, sorted_place, rank, sizes, grids, width, owner, neighbor, 0, room)
+        else:
+            search_threads(parts, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found)
+        if found.max() <= room:
+            break
+        room = found.max()
+    total = found[0]
+    for part in range(1, count):
+        for k in range(found[part]):
+            owner[total + k], neighbor[total + k] = owner[part * room + k], neighbor[part * room + k]
+        total += found[part]
+    return owner[:total], neighbor[:total]
+
+
+@kernel
+def verlet_list(place, allowance, species, kinds, sizes, classes, width, springs, old, parts):  # type: ignore[no-untyped-def]
+    """Return the ``PairList`` of a bed, the springs of the ``old`` one carried over.
+
+    ``species`` (N,), of ``kinds`` kinds; ``springs`` of each pair: 1, or 2 with rolling resistance; the
+    others as in ``all_found``.
+    """
+    owner, neighbor = all_found(place, allowance, sizes, classes, width, old.total[0] + old.total[0] // 8, parts)
+    count = owner.size
+    groups = (count + PAIRS - 1) // PAIRS
+    first, second, kind = (
+        np.zeros(PAIRS * groups, np.uint32), np.zeros(PAIRS * groups, np.uint32), np.zeros(PAIRS * groups, np.uint32),
+    )  # fmt: skip
+    first[:count], second[:count] = owner, neighbor
+    for k in range(count):
+        kind[k] = species[owner[k]] * kinds + species[neighbor[k]]
+    for k in range(count, PAIRS * groups):
+        first[k], second[k], kind[k] = owner[count - 1], neighbor[count - 1], kinds * kinds
+    spring, touched = np.zeros(3 * springs * PAIRS * groups), np.zeros(groups, np.uint8)
+    new = PairList(first, second, kind, spring, touched, np.full(1, count))
+    carry_springs(place.shape[0], springs, old, new)
+    return new
+
+
+@kernel
+def carry_springs(spheres, springs, old, new):  # type: ignore[no-untyped-def]
+    """Copy the springs of every pair that both lists hold from ``old`` to ``new``, ``springs`` of each."""
+    start, strained = np.zeros(spheres + 1, np.int64), np.zeros(old.total[0], np.bool_)
+    size, new_size = 3 * PAIRS * old.touched.size, 3 * PAIRS * new.touched.size
+    for k in range(old.total[0]):
+        s = 3 * PAIRS * (k // PAIRS) + k % PAIRS
+        for axis in range(0, 3 * PAIRS, PAIRS):
+            for which in range(springs):
+                strained[k] |= old.spring[which * size + s + axis] != 0.0
+        start[old.owner[k] + 1] += strained[k]
+    for i in range(spheres):
+        start[i + 1] += start[i]
+    held, fill = np.empty(start[spheres], np.int64), start[:-1].copy()
+    for k in range(old.total[0]):
+        if strained[k]:
+            held[fill[old.owner[k]]] = k
+            fill[old.owner[k]] += 1
+    for k in range(new.total[0]):
+        for h in range(start[new.owner[k]], start[new.owner[k] + 1]):
+            m = held[h]
+            if old.neighbor[m] == new.neighbor[k]:
+                a, b = 3 * PAIRS * (m // PAIRS) + m % PAIRS, 3 * PAIRS * (k // PAIRS) + k % PAIRS
+                for axis in range(0, 3 * PAIRS, PAIRS):
+                    for which in range(springs):
+                        new.spring[which * new_size + b + axis] = old.spring[which * size + a + axis]
+                new.touched[k // PAIRS] = 1
+                break
+
+
+@kernel
+def incidence(spheres, pairs):  # type: ignore[no-untyped-def]
+    """Return ``first`` (N + 1,) and ``entry``: which pairs each sphere has, from ``first[i]`` on.
+
+    They stand in the order in which ``contact.add_pair_loads`` comes to them: group by group, as owner
+    before as neighbor. An entry is twice the pair's number, plus one where the sphere is the neighbor.
+    """
+    first, entry = np.zeros(spheres + 1, np.int64), np.empty(2 * pairs.owner.size, np.uint32)
+    for k in range(pairs.owner.size):
+        first[pairs.owner[k] + 1] += 1
+        first[pairs.neighbor[k] + 1] += 1
+    for i in range(spheres):
+        first[i + 1] += first[i]
+    fill = first[:-1].copy()
+    for g in range(pairs.touched.size):
+        for k in range(PAIRS * g, PAIRS * g + PAIRS):
+            entry[fill[pairs.owner[k]]] = 2 * k
+            fill[pairs.owner[k]] += 1
+        for k in range(PAIRS * g, PAIRS * g + PAIRS):
+            entry[fill[pairs.neighbor[k]]] = 2 * k + 1
+            fill[pairs.neighbor[k]] += 1
+    return first, entry
 
 
 def all_pairs(place: np.ndarray, allowance: np.ndarray, width: float) -> set[tuple[int, int]]:

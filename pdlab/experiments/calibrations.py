@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from pdlab import calibration, grading, store
@@ -13,7 +13,7 @@ from pdlab.errors import EngineError, InputError, PdlabError
 from pdlab.experiments.readings import current_grading, measured_test, particle_density
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, Prediction, SieveAnalysis, now
-from pdlab.specimen import LOOSE, Packing, Specimen
+from pdlab.specimen import Packing, Protocol, Specimen, protocol_of
 from pdlab.store import Store
 
 RunAll = Callable[[Sequence[Specimen]], list[Packing | EngineError]]
@@ -52,6 +52,11 @@ class _Open:
     warnings: list[str]
     nodes: dict[float, list[Packing]] = field(default_factory=dict)
     error: EngineError | None = None
+
+    @property
+    def protocol(self) -> Protocol:
+        """How its test is simulated."""
+        return protocol_of(self.test.compaction)
 
     def missing_nodes(self) -> set[float]:
         """Return the nodes that its own curve still needs."""
@@ -120,11 +125,6 @@ def _open_calibration(row: Aggregate, rule: str) -> _Open:
     warnings = list(sieved.warnings)
     if test.compaction == "unstated":
         warnings.append("the density test's compaction is not stated: it is simulated as loose")
-    elif test.compaction != "loose":
-        raise InputError(
-            f"aggregate '{row.name}' was tested {test.compaction}, and only loose tests can be simulated yet; "
-            "enter a loose test"
-        )
     measured = measured_test(test, particle_density(row))
     coarsest = sieved.apertures[0]
     if test.container_diameter_mm is not None and test.container_diameter_mm < 10.0 * coarsest:
@@ -142,21 +142,22 @@ def _fill_curves(waiting: list[_Open], run_all: RunAll, seeds: int) -> None:
     A node is run once for all, but each aggregate's curve holds the nodes that it asked for itself: its
     friction does not depend on who was calibrated beside it.
     """
-    shared: dict[float, list[Packing | EngineError]] = {}
+    shared: dict[tuple[Protocol, float], list[Packing | EngineError]] = {}
     while True:
         asked = [(one, node) for one in waiting for node in one.missing_nodes()]
-        wanted = sorted({node for _, node in asked} - set(shared))
-        outcomes = run_all([bed for node in wanted for bed in calibration.node_specimens(node, seeds)])
-        shared |= {node: outcomes[k * seeds : (k + 1) * seeds] for k, node in enumerate(wanted)}
+        wanted = sorted({(one.protocol, node) for one, node in asked} - set(shared), key=str)
+        beds = [bed for protocol, node in wanted for bed in calibration.node_specimens(node, seeds, protocol)]
+        outcomes = run_all(beds)
+        shared |= {key: outcomes[k * seeds : (k + 1) * seeds] for k, key in enumerate(wanted)}
         for one, node in asked:
-            one.add(node, shared[node])
+            one.add(node, shared[one.protocol, node])
         if not asked:
             return
 
 
-def protocol_text() -> str:
-    """Return the protocol of this version's runs, as it is kept with their results."""
-    return json.dumps(asdict(LOOSE), sort_keys=True)
+def protocol_text(protocol: Protocol) -> str:
+    """Return a protocol as it is kept with its results."""
+    return json.dumps(protocol.settings(), sort_keys=True)
 
 
 def equals(row: Calibration | Prediction, facts: dict[str, Any], digests: set[str]) -> bool:
@@ -187,7 +188,7 @@ def _save_calibration(target: Store, one: _Open, rule: str, outcome: dict[str, A
         "sieve_analysis_id": one.analysis.id,
         "packing_test_id": one.test.id,
         "method": METHOD,
-        "protocol": protocol_text(),
+        "protocol": protocol_text(one.protocol),
         "engine_version": packings[0].engine_version if packings else None,
         "diameter_rule": rule,
         "diameter_mm": one.diameter,

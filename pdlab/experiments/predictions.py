@@ -12,7 +12,7 @@ from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_
 from pdlab.experiments.readings import is_stale, measured_mixture
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
-from pdlab.specimen import Packing, Specimen
+from pdlab.specimen import Packing, Specimen, protocol_of
 from pdlab.store import Store
 
 
@@ -146,7 +146,7 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
     facts: dict[str, Any] = _facts_of(blend) | {
         "method": METHOD,
-        "protocol": protocol_text(),
+        "protocol": protocol_text(protocol_of(blend.parts[0].compaction if blend.parts else "unstated")),
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:

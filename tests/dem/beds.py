@@ -9,8 +9,8 @@ import numpy as np
 
 from pdlab import dem
 from pdlab.dem import simulation
+from pdlab.dem.bed import Setup, State
 from pdlab.dem.jit import fingerprint
-from pdlab.dem.simulation import Setup, State
 
 RECORD = Path(__file__).with_name("beds.json")
 STEPS = 4000

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pdlab.dem import contact, simulation
-from pdlab.dem.simulation import Setup, State
+from pdlab.dem import bed, contact, measures, simulation
+from pdlab.dem.bed import Setup, State
 
 
 def make_setup(
@@ -38,7 +38,7 @@ def make_setup(
 def spheres(setup: Setup, *places: tuple[float, float, float]) -> State:
     species = np.arange(len(places)) % setup.diameter.size
     place = np.column_stack([np.array(places), 0.5 * setup.diameter[species]])
-    return simulation.rest_free(place, species)
+    return bed.rest_free(place, species)
 
 
 def test_damping_ratio_for_restitution_one_half_is_0_2553() -> None:
@@ -126,16 +126,17 @@ def energy(setup: Setup, state: State) -> float:
     total = float(integrator.kinetic_energy(state.motion, state.species, setup.body))
     total -= float((setup.body[state.species, 0] * (state.place[:, :3] @ setup.gravity)).sum())
     pair, floor = setup.laws
-    owner = np.repeat(np.arange(len(state.place)), np.diff(state.first))
-    for i, j, slip in zip(owner, state.neighbor, state.spring, strict=True):
-        apart = state.place[i, :3] - state.place[j, :3]
-        apart[:2] -= setup.width * np.round(apart[:2] / setup.width)
-        delta = max(state.place[i, 3] + state.place[j, 3] - float(np.linalg.norm(apart)), 0.0)
-        law = pair[state.species[i], state.species[j]]
-        total += 0.5 * law[contact.KN] * delta**2 + 0.5 * law[contact.KT] * float(slip @ slip)
-    delta = np.maximum(state.place[:, 3] - state.place[:, 2], 0.0)
-    total += float((0.5 * floor[state.species, contact.KN] * delta**2).sum())
-    return total + float((0.5 * floor[state.species, contact.KT] * (state.floor_spring**2).sum(1)).sum())
+    i, j, delta = measures.contacts(setup, state)
+    total += 0.5 * float((pair[state.species[i], state.species[j], contact.KN] * delta**2).sum())
+    pressed = np.maximum(state.place[:, 3] - state.place[:, 2], 0.0)
+    total += 0.5 * float((floor[state.species, contact.KN] * pressed**2).sum())
+    # a tangential spring holds its force F, and so the energy F²/(2 k_t)
+    count = int(state.pairs.total[0])
+    slip = state.pairs.spring.reshape(-1, 3, 8).transpose(0, 2, 1).reshape(-1, 3)[:count]
+    kn = pair[state.species[state.pairs.owner[:count]], state.species[state.pairs.neighbor[:count]], contact.KN]
+    total += 0.5 * float(((slip**2).sum(1) / (contact.TANGENTIAL_STIFFNESS * kn)).sum())
+    kn = np.repeat(floor[state.species, contact.KN], np.diff(state.near.first))
+    return total + 0.5 * float(((state.near.spring**2).sum(1) / (contact.TANGENTIAL_STIFFNESS * kn)).sum())
 
 
 def test_energy_never_grows_in_a_falling_bed_without_local_damping() -> None:
@@ -143,7 +144,7 @@ def test_energy_never_grows_in_a_falling_bed_without_local_damping() -> None:
         np.array([1.0, 0.6]), np.ones(2), np.array([0.3, 0.5]), np.array([30, 60]), 5.0, 3, 0.3,
         local_damping=0.0, steps_per_collision=100.0,
     )  # fmt: skip
-    state = simulation.start(setup)
+    state = bed.start(setup)
     values = [energy(setup, state)]
     for _ in range(60):
         state = simulation.march(setup, state, 500)
@@ -154,19 +155,19 @@ def test_energy_never_grows_in_a_falling_bed_without_local_damping() -> None:
 
 
 def test_a_normal_force_never_pulls() -> None:
-    out = contact.contact_force(0.001, 0, 0, 1, 0, 0, 5.0, 0, 0, 0, 100.0, 10.0, 30.0, 5.0, 0.3, 1e-3)
+    out = contact.contact_force(0.001, 0.0, 0.0, 1.0, 0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 100.0, 10.0, 0.3, 1e-3)
     assert out[0] == 0.0
     assert out[1:4] == (0.0, 0.0, 0.0)
 
 
 def test_a_pair_has_springs_in_series_and_the_smaller_friction_and_so_has_the_floor() -> None:
     diameter, mass = np.array([1.0, 0.25]), np.array([0.5, 0.01])
-    pair, floor = contact.law_tables(diameter, mass, np.array([0.2, 0.6]), 0.4, 100.0, 0.25)
+    pair, floor = contact.law_tables(diameter, mass, np.array([0.2, 0.6]), np.array([0.3, 0.1]), 0.4, 100.0, 0.25)
     np.testing.assert_allclose(floor[:, contact.KN], 2.0 * 100.0 * diameter)
     assert pair[0, 1, contact.KN] == pytest.approx(2.0 * 100.0 * 1.0 * 0.25 / 1.25)
     assert pair[0, 1, contact.GN] == pytest.approx(2.0 * 0.25 * math.sqrt(40.0 * 0.5 * 0.01 / 0.51))
-    np.testing.assert_allclose(pair[..., contact.KT], 2.0 / 7.0 * pair[..., contact.KN])
-    np.testing.assert_allclose(pair[..., contact.GT], 0.5 * pair[..., contact.GN])
+    np.testing.assert_allclose(pair[..., contact.ROLLING], [[0.3, 0.1], [0.1, 0.1]])
+    np.testing.assert_allclose(floor[:, contact.ROLLING], 0.0)
     np.testing.assert_allclose(pair[..., contact.MU], [[0.2, 0.2], [0.2, 0.6]])
     np.testing.assert_allclose(floor[:, contact.MU], [0.2, 0.4])
     np.testing.assert_allclose(pair, pair.swapaxes(0, 1))
@@ -179,3 +180,51 @@ def test_local_damping_takes_its_share_of_the_resultant_against_the_velocity(vel
     state.motion[0, 2] = velocity
     after = simulation.march(setup, state, 1000)
     assert (after.motion[0, 2] - velocity) / (1000 * setup.time_step) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("rolling", [0.05, 0.2])
+def test_two_pressed_spheres_resist_rolling_up_to_their_limit(rolling: float) -> None:
+    # an elastic-plastic spring: the moment grows as k_r θ, to μ_r R_eff F_n, then stays
+    fn, kn, reff, dt, speed = 2.0, 500.0, 0.25, 1e-4, 0.3
+    stiffness, limit = 2.25 * kn * rolling**2 * reff**2, rolling * reff * fn
+    moment, turned = (0.0, 0.0, 0.0), 0.0
+    for _ in range(2000):
+        moment = contact.rolling_moment(fn, 0.0, 0.0, 1.0, speed, 0.0, 5.0, *moment, kn, rolling, reff, dt)
+        turned += speed * dt
+        assert moment[0] == pytest.approx(-min(stiffness * turned, limit), rel=1e-9)
+        assert moment[1:] == (0.0, 0.0)  # twisting meets nothing
+    back = contact.rolling_moment(fn, 0.0, 0.0, 1.0, -speed, 0.0, 0.0, *moment, kn, rolling, reff, dt)
+    assert back[0] == pytest.approx(moment[0] + stiffness * speed * dt, rel=1e-9)
+
+
+def test_rolling_resistance_stops_relative_spin_and_keeps_the_moment_of_momentum() -> None:
+    setup = replace(make_setup(0.5, restitution=0.5), rolling=np.array([0.3]))
+    free = replace(setup, rolling=None)
+    for one, resists in ((setup, True), (free, False)):
+        state = spheres(one, (5.0, 5.0, 5.0), (5.0, 5.0, 5.999))
+        state.motion[0, 4], state.motion[1, 4] = 0.5, -0.5  # rolling on each other, no sliding
+        state.motion[:, 2] = (0.05, -0.05)
+        after = simulation.march(one, state, 100)
+        gone = 1.0 - (after.motion[0, 4] - after.motion[1, 4])
+        assert (gone > 1e-3) == resists
+        assert after.motion[0, 4] + after.motion[1, 4] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_wall_does_not_resist_rolling() -> None:
+    setup = replace(make_setup(0.1, slope(0.95 * 0.35)), rolling=np.array([0.5]))
+    after = simulation.march(setup, settled_on_slope(setup), 20_000)
+    time = after.steps * setup.time_step
+    assert after.motion[0, 0] == pytest.approx(5.0 / 7.0 * setup.gravity[0] * time, rel=0.01)
+
+
+def test_the_side_of_a_cylinder_bounces_and_rubs_like_the_floor() -> None:
+    setup = replace(make_setup(0.2, restitution=0.5), cylinder=True, width=6.0)
+    centre = 0.5 * setup.box
+    angle = 0.7
+    outward = np.array([math.cos(angle), math.sin(angle), 0.0])
+    state = spheres(setup, tuple(np.array([centre, centre, 5.0]) + 2.49 * outward))  # type: ignore[arg-type]
+    state.motion[0, :3] = 0.1 * outward + np.array([0.0, 0.0, 0.1])
+    after = simulation.march(setup, state, 3000)
+    assert after.motion[0, :3] @ outward == pytest.approx(-0.05, rel=0.01)
+    assert after.motion[0, 2] < 0.0999  # rubbed along the wall
+    assert np.linalg.norm(after.place[0, :2] - centre) < 2.5

@@ -1,6 +1,7 @@
 """The cell list finds what brute force finds."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -16,9 +17,16 @@ def random_bed(seed: int, count: int, ratio: float, width: float, height: float)
     return place, allowance, neighbors.size_classes(radii)[species]
 
 
-def pairs(first: np.ndarray, neighbor: np.ndarray) -> list[tuple[int, int]]:
-    owner = np.repeat(np.arange(first.size - 1), np.diff(first))
-    return [(min(int(i), int(j)), max(int(i), int(j))) for i, j in zip(owner, neighbor, strict=True)]
+def listed(found: neighbors.PairList) -> list[tuple[int, int]]:
+    count = int(found.total[0])
+    return [(int(i), int(j)) for i, j in zip(found.owner[:count], found.neighbor[:count], strict=True)]
+
+
+def make_list(
+    place: np.ndarray, allowance: np.ndarray, sizes: np.ndarray, width: float, old: neighbors.PairList, springs: int = 1
+) -> neighbors.PairList:
+    classes = int(sizes.max()) + 1
+    return neighbors.verlet_list(place, allowance, sizes, classes, sizes, classes, width, springs, old, None)  # type: ignore[no-any-return]
 
 
 @settings(max_examples=60, deadline=None)
@@ -33,24 +41,37 @@ def test_the_list_holds_each_pair_of_brute_force_once(
     seed: int, count: int, ratio: float, width: float, height: float
 ) -> None:
     place, allowance, sizes = random_bed(seed, count, ratio, width, height)
-    found = pairs(*neighbors.verlet_list(place, allowance, sizes, int(sizes.max()) + 1, width))
+    found = listed(make_list(place, allowance, sizes, width, neighbors.no_pairs()))
     assert len(found) == len(set(found))
     assert set(found) == neighbors.all_pairs(place, allowance, width)
 
 
-def test_springs_of_touching_pairs_are_carried_into_a_new_list() -> None:
+def test_a_list_made_in_parts_is_the_same() -> None:
+    place, allowance, sizes = random_bed(3, 240, 4.0, 6.0, 5.0)
+    alone = neighbors.all_found(place, allowance, sizes, int(sizes.max()) + 1, 6.0, 0, None)
+    parted = neighbors.all_found(place, allowance, sizes, int(sizes.max()) + 1, 6.0, 0, 3)
+    assert np.array_equal(alone, parted)
+
+
+@pytest.mark.parametrize("springs", [1, 2])
+def test_springs_of_touching_pairs_are_carried_into_a_new_list(springs: int) -> None:
     place, allowance, sizes = random_bed(1, 200, 3.0, 5.0, 8.0)
-    classes = int(sizes.max()) + 1
-    old = neighbors.verlet_list(place, allowance * 0.0, sizes, classes, 5.0)
-    rng = np.random.default_rng(2)
-    touching = (rng.random(old[1].size) < 0.7).astype(np.uint8)
-    spring = rng.random((old[1].size, 3)) * touching[:, None]
-    new = neighbors.verlet_list(place, allowance + 0.1, sizes, classes, 5.0)
-    carried, springs = neighbors.carry_springs(*old, touching, spring, *new)
-    before = {pair: tuple(spring[k]) for k, pair in enumerate(pairs(*old)) if touching[k]}
-    after = {pair: tuple(springs[k]) for k, pair in enumerate(pairs(*new)) if carried[k]}
-    assert before == after
-    assert not springs[carried == 0].any()
+    old = make_list(place, allowance * 0.0, sizes, 5.0, neighbors.no_pairs(), springs)
+    count, rng = int(old.total[0]), np.random.default_rng(2)
+    of_pair = old.spring.reshape(springs, -1, 3, 8)
+    for k in range(count):
+        of_pair[:, k // 8, :, k % 8] = rng.random((springs, 3)) * (rng.random() < 0.7)
+    new = make_list(place, allowance + 0.1, sizes, 5.0, old, springs)
+
+    def springs_of(pairs: neighbors.PairList) -> dict[tuple[int, int], bytes]:
+        held = pairs.spring.reshape(springs, -1, 3, 8)
+        parts = {pair: held[:, k // 8, :, k % 8].copy() for k, pair in enumerate(listed(pairs))}
+        return {pair: part.tobytes() for pair, part in parts.items() if part.any()}
+
+    assert springs_of(old) == springs_of(new)
+    assert 0 < len(springs_of(new)) < count < int(new.total[0])
+    groups = {k // 8 for k, pair in enumerate(listed(new)) if pair in springs_of(new)}
+    assert set(np.flatnonzero(new.touched)) == groups
 
 
 def test_wrapping_brings_spheres_back_into_the_box() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,9 +12,9 @@ import numpy as np
 import pytest
 
 from pdlab import dem
-from pdlab.dem import neighbors, simulation
-from pdlab.dem.simulation import Setup
-from pdlab.errors import NotAtRest, RunDiverged
+from pdlab.dem import bed, measures, neighbors, simulation
+from pdlab.dem.bed import Setup
+from pdlab.errors import InputError, NotAtRest, RunDiverged
 
 sys.path.insert(0, str(Path(__file__).parent))
 import beds
@@ -52,13 +53,13 @@ def test_chunks_change_no_byte(chunk: int) -> None:
 
 
 def test_another_seed_gives_another_bed() -> None:
-    assert beds.sha(simulation.start(small())) != beds.sha(simulation.start(small(seed=2)))
+    assert beds.sha(bed.start(small())) != beds.sha(bed.start(small(seed=2)))
 
 
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_a_cloud_has_its_fraction_and_no_overlap(k: int) -> None:
     setup = beds.setups()[k]
-    place = simulation.start(setup).place
+    place = bed.start(setup).place
     solids = float((4.0 / 3.0 * math.pi * place[:, 3] ** 3).sum())
     assert solids / setup.width**2 / setup.cloud_height == pytest.approx(0.25)
     assert neighbors.all_pairs(place, np.zeros(len(place)), setup.width) == set()
@@ -68,7 +69,7 @@ def test_a_cloud_has_its_fraction_and_no_overlap(k: int) -> None:
 
 def test_a_cloud_without_room_is_a_named_error() -> None:
     with pytest.raises(RunDiverged, match=r"found no place .* choose a smaller cloud fraction"):
-        simulation.start(small(cloud_fraction=0.6))
+        bed.start(small(cloud_fraction=0.6))
 
 
 @pytest.mark.parametrize("k", [0, 1])
@@ -77,11 +78,11 @@ def test_a_bed_comes_to_rest_with_small_overlaps_and_its_weight_on_the_floor(k: 
     state = simulation.advance(setup, None, 200_000)
     assert state.rest
     assert state.steps * setup.time_step >= setup.fall_time
-    assert 0.0 < simulation.largest_overlap(setup, state) < 0.01
+    assert 0.0 < measures.largest_overlap(setup, state) < 0.01
     depth = np.maximum(state.place[:, 3] - state.place[:, 2], 0.0)
     push = float((setup.laws[1][state.species, 0] * depth).sum())
     assert push == pytest.approx(float((setup.count * setup.mass).sum()), rel=0.02)
-    assert 0.5 < simulation.solid_fraction(state.place, setup.width, *simulation.slab(state.place)) < 0.7405
+    assert 0.5 < measures.solid_fraction(state.place, setup.area, *measures.slab(state.place)) < 0.7405
 
 
 def test_a_bed_that_goes_on_moving_is_a_named_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,35 +110,125 @@ def test_a_sphere_below_the_floor_is_a_named_error() -> None:
 def test_the_solid_fraction_between_planes_cuts_spheres_exactly() -> None:
     place = np.array([[1.0, 1.0, 1.0, 0.5], [3.0, 3.0, 2.0, 0.5]])
     volume = math.pi / 6.0
-    parts = simulation.solids_between(place, 1.0, 2.25)
+    parts = measures.solids_between(place, 1.0, 2.25)
     cap = math.pi * 0.25**2 * (3 * 0.5 - 0.25) / 3.0  # above the upper plane
     np.testing.assert_allclose(parts, [volume / 2.0, volume - cap], rtol=1e-14)
-    assert simulation.solids_between(place, -5.0, 9.0).sum() == pytest.approx(2.0 * volume)
+    assert measures.solids_between(place, -5.0, 9.0).sum() == pytest.approx(2.0 * volume)
 
 
 def test_contacts_per_sphere_of_a_row_of_three() -> None:
     setup = small(gravity=np.zeros(3))
     place = np.array([[0.5, 1.0, 1.0, 0.5], [1.499, 1.0, 1.0, 0.5], [2.498, 1.0, 1.0, 0.5]])
-    state = simulation.march(setup, simulation.rest_free(place, np.zeros(3, np.int64)), 1)
-    assert simulation.contacts_per_sphere(state, 0.0, 2.0) == pytest.approx(4.0 / 3.0)
-    assert simulation.largest_overlap(setup, state) == pytest.approx(0.001, rel=0.1)
+    state = simulation.march(setup, bed.rest_free(place, np.zeros(3, np.int64)), 1)
+    assert measures.contacts_per_sphere(setup, state, 0.0, 2.0) == pytest.approx(4.0 / 3.0)
+    assert measures.largest_overlap(setup, state) == pytest.approx(0.001, rel=0.1)
 
 
 def test_contacts_are_counted_of_spheres_in_the_slab_only() -> None:
     setup = small(gravity=np.zeros(3))
     place = np.array([[1.0, 1.0, z, 0.5] for z in (1.0, 1.999, 2.998)])
-    state = simulation.march(setup, simulation.rest_free(place, np.zeros(3, np.int64)), 1)
-    assert simulation.contacts_per_sphere(state, 2.5, 4.0) == 1.0
-    assert simulation.contacts_per_sphere(state, 1.5, 2.5) == 2.0
+    state = simulation.march(setup, bed.rest_free(place, np.zeros(3, np.int64)), 1)
+    assert measures.contacts_per_sphere(setup, state, 2.5, 4.0) == 1.0
+    assert measures.contacts_per_sphere(setup, state, 1.5, 2.5) == 2.0
 
 
 def test_a_still_bed_is_looked_at_twice_and_not_before_the_fall_time() -> None:
     setup = small()
-    bed = simulation.advance(setup, None, 200_000)
+    calm = simulation.advance(setup, None, 200_000)
     moved = np.array([[0.0, 0.1]])  # the middle has moved since, so that the bed does not creep
-    again = replace(bed, rest="", quiet_looks=0, history=moved)
+    again = replace(calm, rest="", quiet_looks=0, history=moved)
     once = simulation.look(setup, again)
     assert (once.rest, once.quiet_looks) == ("", 1)
     assert simulation.look(setup, replace(once, history=moved)).rest == "still"
     early = simulation.look(setup, replace(again, steps=int(0.9 * setup.fall_time / setup.time_step)))
     assert early.quiet_looks == 0
+
+
+def variants() -> dict[str, Setup]:
+    plain, mixed, _ = beds.setups()
+    return {
+        "mixed": mixed,
+        "rolling in a cylinder": replace(mixed, cylinder=True, width=5.0, rolling=np.array([0.1, 0.3])),
+        "rodded": replace(plain, layers=3, drops=2, drop_pause=0.3, count=np.array([100])),
+        "vibrated": replace(plain, shake_periods=2, count=np.array([60])),
+    }
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core")
+@pytest.mark.parametrize("name", variants())
+def test_two_threads_change_no_byte(name: str) -> None:
+    setup = variants()[name]
+    alone, shared = (simulation.advance(setup, None, 2500, threads) for threads in (1, 2))
+    assert beds.sha(alone) == beds.sha(shared)
+    assert np.array_equal(alone.load, shared.load)
+
+
+@pytest.mark.parametrize("name", ["rodded", "vibrated"])
+def test_chunks_change_no_byte_of_a_compacted_bed(name: str) -> None:
+    setup, parts = variants()[name], None
+    whole = simulation.advance(setup, None, 200_000)
+    while parts is None or not parts.rest:
+        parts = simulation.advance(setup, parts, 777)
+    assert beds.sha(parts) == beds.sha(whole)
+    assert (parts.steps, parts.stage) == (whole.steps, whole.stage)
+
+
+def test_more_threads_than_cores_are_refused() -> None:
+    with pytest.raises(InputError, match=r"9999 threads lie outside \[1, \d+\]"):
+        simulation.advance(small(), None, 10, 9999)
+
+
+def test_a_rodded_test_pours_its_layers_and_drops_after_each() -> None:
+    setup = variants()["rodded"]
+    kinds = ["pour" if stage.layer is not None else "fall" if not stage.gravity else "strike" for stage in setup.stages]
+    assert kinds[:-1] == ["pour", "fall", "strike", "fall", "strike"] * 3
+    assert setup.stages[-1].duration is None
+    state = None
+    spheres = set()
+    while state is None or not state.rest:
+        state = simulation.advance(setup, state, 500)
+        spheres.add(state.species.size)
+    assert spheres == {33, 66, 100}
+    # free fall over half a diameter takes one sqrt(d/g) and ends at one sqrt(g d)
+    assert setup.stages[1].duration == pytest.approx(1.0)
+    assert setup.stages[2].kick == pytest.approx(1.0)
+
+
+def test_local_damping_acts_while_spheres_settle_and_not_while_they_are_compacted() -> None:
+    for setup in (variants()["rodded"], variants()["vibrated"]):
+        assert {stage.damping for stage in setup.stages if stage.duration is None} == {0.7}
+        assert {stage.damping for stage in setup.stages if stage.duration is not None} == {0.0}
+
+
+def test_shaking_is_a_sine_of_the_stated_acceleration_and_amplitude() -> None:
+    setup = variants()["vibrated"]
+    shake = setup.stages[1]
+    assert shake.swing == 3.0
+    assert shake.swing / shake.frequency**2 == pytest.approx(0.1)
+    assert shake.duration == pytest.approx(2 * 2.0 * math.pi / shake.frequency)
+    # a free sphere feels it as gravity that swings
+    state = replace(bed.rest_free(np.array([[2.0, 2.0, 50.0, 0.5]]), np.zeros(1, np.int64)), stage=1)
+    quarter = round(0.25 * 2.0 * math.pi / shake.frequency / setup.time_step)
+    after = simulation.march(setup, state, quarter)
+    time = quarter * setup.time_step
+    assert after.motion[0, 2] == pytest.approx(-time - 3.0 / shake.frequency, rel=2e-2)
+
+
+def test_compaction_makes_beds_denser() -> None:
+    loose = replace(beds.setups()[0], count=np.array([300]), width=5.0)
+    density = []
+    for setup in (loose, replace(loose, drops=10), replace(loose, shake_periods=20)):
+        state = simulation.advance(setup, None, 10**6)
+        density.append(measures.solid_fraction(state.place, setup.area, *measures.slab(state.place)))
+    assert density[1] > density[0] + 0.01
+    assert density[2] > density[0] + 0.01
+
+
+def test_a_cylinder_keeps_its_spheres() -> None:
+    setup = replace(small(), cylinder=True, width=5.0)
+    cloud = bed.start(setup)
+    state = simulation.advance(setup, None, 200_000)
+    for place in (cloud.place, state.place):
+        off = np.hypot(*(place[:, :2] - 0.5 * setup.box).T)
+        assert (off + place[:, 3]).max() < 2.5 * 1.004
+    assert state.rest
