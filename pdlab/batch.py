@@ -31,27 +31,30 @@ CHUNK = 20_000_000
 """Sphere-steps handed out at once: a few seconds."""
 LOST_POOLS = 3
 """Pools in a row that may die without one finished chunk before the runner gives up."""
-TYPICAL_TIME = 45.0
-"""A loose bed's way to rest, in sqrt(d/g): for the progress shown, for nothing else."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a call is: runs wanted, read from the store and simulated, and the share of work done."""
+    """How far a call is: runs wanted, read from the store and simulated, and the share of work done.
+
+    ``beds``: how far those are that run now.
+    """
 
     wanted: int
     read: int
     simulated: int
     share: float
+    beds: tuple[packing.Progress, ...] = ()
 
 
-Advanced = tuple[packing.State, float]
+Advanced = tuple[packing.State, packing.Progress, float]
 
 
 def advance(specimen: Specimen, state: packing.State | None, steps: int) -> Advanced:
-    """Advance a bed in a worker; return it and the seconds that took. Workers know no database."""
+    """Advance a bed in a worker; return it, how far it is, and the seconds that took. Workers know no database."""
     begun = time.perf_counter()
-    return packing.advance(specimen, state, steps), time.perf_counter() - begun
+    state = packing.advance(specimen, state, steps)
+    return state, packing.progress(specimen, state), time.perf_counter() - begun
 
 
 def _start_worker() -> None:
@@ -79,6 +82,7 @@ class _Job:
     specimen: Specimen
     digest: str
     state: packing.State | None = None
+    progress: packing.Progress | None = None
     seconds: float = 0.0
 
     @property
@@ -88,9 +92,7 @@ class _Job:
     @property
     def share(self) -> float:
         """A guess at the share of its steps that lie behind it."""
-        if self.state is None or len(self.state.history) == 0:
-            return 0.0
-        return min(0.95, float(self.state.history[-1, 0]) / TYPICAL_TIME)
+        return 0.0 if self.progress is None else self.progress.share
 
 
 def cores() -> int:
@@ -172,12 +174,14 @@ class Runner:
     def _take(self, job: _Job, future: Future[Advanced], done: dict[str, Packing | EngineError]) -> list[_Job]:
         """Take a chunk's result: keep the run when it has ended, else return it to be carried on."""
         try:
-            job.state, seconds = future.result()
+            job.state, job.progress, seconds = future.result()
             job.seconds += seconds
+            log.info(_chunk_text(job))
             if not job.state.rest:
                 return [job]
             done[job.digest] = self._save(job)
         except EngineError as error:
+            job.state = error.state if isinstance(error.state, packing.State) else job.state
             self._save_failure(job, error)
             done[job.digest] = error
         return []
@@ -196,7 +200,8 @@ class Runner:
         if self.on_progress is not None:
             shares = [1.0 if digest in done else job.share for digest, job in jobs.items()]
             ended = sum(digest in done for digest in jobs)
-            self.on_progress(Progress(len(jobs) + read, read, ended, sum(shares) / len(jobs)))
+            beds = [job.progress for digest, job in jobs.items() if digest not in done and job.progress is not None]
+            self.on_progress(Progress(len(jobs) + read, read, ended, sum(shares) / len(jobs), tuple(beds)))
 
     def _save(self, job: _Job) -> Packing:
         """Measure a bed at rest and write its run. Raises EngineError when it is no packing."""
@@ -218,6 +223,17 @@ class Runner:
         run.error = str(error)
         with self.target.write() as session:
             store.save_run(session, run, _state_row(job) if job.state is not None else None)
+
+
+def _chunk_text(job: _Job) -> str:
+    """Return a bed's progress as a line of the log."""
+    assert job.progress is not None
+    left = job.seconds * (1.0 / max(job.share, 1e-3) - 1.0)
+    return (
+        f"bed {job.digest[:12]}, {job.specimen.spheres} spheres: {job.progress.steps} steps, kinetic energy "
+        f"{job.progress.kinetic_energy:.1e} m g d, out of balance {job.progress.out_of_balance:.1e}, "
+        f"{job.seconds:.0f} s, about {left:.0f} s left"
+    )
 
 
 def _run_row(job: _Job, state: str) -> Run:

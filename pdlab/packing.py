@@ -13,6 +13,7 @@ SHARE_WARNING, SHARE_LIMIT = 0.02, 0.05
 """Differences between the slab's shares and the mixture's that are said, and that are refused."""
 
 State = bed.State
+Progress = simulation.Progress
 
 
 def setup(specimen: Specimen) -> bed.Setup:
@@ -49,6 +50,11 @@ def advance(specimen: Specimen, state: State | None, steps: int, threads: int = 
     NotAtRest, and InputError for more threads than cores.
     """
     return simulation.advance(setup(specimen), state, steps, threads)
+
+
+def progress(specimen: Specimen, state: State) -> Progress:
+    """Return how far a bed is."""
+    return simulation.progress(setup(specimen), state)
 
 
 def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
@@ -101,4 +107,4 @@ def _share_warnings(specimen: Specimen, shares: tuple[float, ...]) -> tuple[str,
     return (f"the middle of the bed is off the mixture's shares by {off:.3f}",) if off > SHARE_WARNING else ()
 
 
-__all__ = ["VERSION", "State", "advance", "fingerprint", "measure", "setup"]
+__all__ = ["VERSION", "Progress", "State", "advance", "fingerprint", "measure", "progress", "setup"]

@@ -2,6 +2,7 @@
 
 import io
 import os
+import pickle
 import sqlite3
 import subprocess
 import sys
@@ -100,6 +101,42 @@ def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
     monkeypatch.setattr(packing, "advance", real)
     repeated = Runner(target, 1, make_pool=threads)(TRIO)  # a failure is tried again
     assert isinstance(repeated[1], Packing)
+
+
+def test_a_bed_that_does_not_come_to_rest_keeps_its_last_state(
+    target: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(packing.simulation, "PATIENCE", 0.5)
+    (bad,) = Runner(target, 1, make_pool=threads)([SMALL])
+    assert isinstance(bad, NotAtRest)
+    with target.read() as session:
+        kept = session.get(RunState, SMALL.digest(packing.VERSION))
+        assert kept is not None
+        place = np.load(io.BytesIO(kept.archive))["place"]
+    assert isinstance(bad.state, packing.State)
+    assert kept.steps == bad.state.steps > 0
+    assert np.array_equal(place, bad.state.place)
+
+
+def test_an_error_from_a_worker_brings_its_state_along() -> None:
+    error = pickle.loads(pickle.dumps(NotAtRest("it moves", np.ones(3))))
+    assert str(error) == "it moves"
+    assert np.array_equal(error.state, np.ones(3))
+
+
+def test_progress_tells_steps_energy_balance_and_rises(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[batch.Progress] = []
+    monkeypatch.setattr(batch, "CHUNK", 40_000)
+    Runner(target, 1, told.append, make_pool=threads)([SMALL])
+    beds = [bed for progress in told for bed in progress.beds]
+    assert len(beds) > 5
+    assert [bed.steps for bed in beds] == sorted({bed.steps for bed in beds})
+    assert beds[0].kinetic_energy > 100.0 * beds[-1].kinetic_energy > 0.0
+    assert beds[-1].out_of_balance < 0.1
+    shares = [progress.share for progress in told]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert shares[-1] == 1.0
 
 
 def dies_once(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:

@@ -2,7 +2,7 @@
 
 import math
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numba
@@ -20,6 +20,9 @@ PATIENCE = 40.0
 """Fall times of the whole cloud after which a bed that still moves is given up."""
 SKIN, LOOKAHEAD = 0.025, 20.0
 """A list's allowance: a share of the smallest diameter, and so many steps at the present speed."""
+
+SETTLING = 10.0
+"""Time in which a compacted bed settles, for the progress shown and nothing else."""
 
 _one_at_a_time = threading.Lock()
 """Threads of one bed and those of another in the same process would end it."""
@@ -47,6 +50,41 @@ def advance(setup: Setup, state: State | None, steps: int, threads: int = 1) -> 
         if state.steps == over:
             state = next_stage(setup, state)
     return state
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a bed is: ``steps`` done, and a guess at the ``share`` of its time that lies behind it.
+
+    ``kinetic_energy`` over the bed's weight times the largest diameter; ``out_of_balance``: mean resultant
+    over the mean contact force, infinite while nothing touches.
+    """
+
+    steps: int
+    share: float
+    kinetic_energy: float
+    out_of_balance: float
+
+
+def progress(setup: Setup, state: State) -> Progress:
+    """Return how far a bed is."""
+    expected = [_expected(setup, stage) for stage in setup.stages]
+    spent = (state.steps - state.stage_began) * setup.time_step
+    inside = expected[state.stage] * spent / (spent + 0.2 * expected[state.stage])  # never quite done
+    behind = sum(expected[: state.stage]) + min(spent, inside)
+    return Progress(
+        steps=state.steps,
+        share=1.0 if state.rest else behind / sum(expected),
+        kinetic_energy=_energy(setup, state),
+        out_of_balance=_out_of_balance(setup, state),
+    )
+
+
+def _expected(setup: Setup, stage: Stage) -> float:
+    """Return about how long a stage lasts: beds rest after some two fall times."""
+    if stage.duration is not None:
+        return stage.duration
+    return 2.0 * setup.fall_time if stage.layer is not None else SETTLING
 
 
 def stage_end(setup: Setup, state: State) -> int:
@@ -81,7 +119,8 @@ def march(setup: Setup, state: State, steps: int, threads: int = 1) -> State:
     if lost >= 0:
         raise RunDiverged(
             f"sphere {lost} left the container or lost its number near step {state.steps + steps}; "
-            f"raise steps per collision above {setup.steps_per_collision:g}"
+            f"raise steps per collision above {setup.steps_per_collision:g}",
+            state,
         )
     return replace(
         state, place=place, motion=motion, load=load, origin=origin, pairs=pairs, near=near, stale=bool(stale),
@@ -187,16 +226,15 @@ def look(setup: Setup, state: State) -> State:
     history = np.vstack([state.history, [time, measures.solid_fraction(state.place, setup.area, *middle)]])
     if stage.duration is not None:
         return replace(state, history=history)
-    weight = float(setup.mass[state.species].sum())
-    energy = float(integrator.kinetic_energy(state.motion, state.species, setup.body))
+    energy = _energy(setup, state)
     spent = (state.steps - state.stage_began) * setup.time_step
     fallen = setup.fall_time if stage.layer is not None else 0.0
-    quiet = state.quiet_looks + 1 if spent >= fallen and _calm(setup, state, energy / weight) else 0
+    quiet = state.quiet_looks + 1 if spent >= fallen and _calm(setup, state, energy) else 0
     before = history[history[:, 0] <= time - CREEP_OVER + 1e-9]
     creeping = (
         spent >= fallen + CREEP_OVER
         and float(np.ptp(history[len(before) - 1 :, 1])) < CREEP_PD
-        and energy < CREEP_ENERGY * weight
+        and energy < CREEP_ENERGY
     )
     rest = "still" if quiet >= 2 else "creeping" if creeping else ""
     state = replace(state, history=history, quiet_looks=quiet)
@@ -207,15 +245,26 @@ def look(setup: Setup, state: State) -> State:
     if spent > patience:
         raise NotAtRest(
             f"the bed still moves after {spent:.0f} sqrt(d/g), more than {PATIENCE:g} fall times, with a "
-            f"kinetic energy of {energy / weight:.1e} of weight times diameter; raise the local damping "
-            f"above {setup.local_damping:g} or the friction coefficient"
+            f"kinetic energy of {energy:.1e} of weight times diameter; raise the local damping "
+            f"above {setup.local_damping:g} or the friction coefficient",
+            state,
         )
     return state
 
 
 def _calm(setup: Setup, state: State, energy: float) -> bool:
-    """Return whether hardly anything moves and forces are in balance; ``energy`` over the weight."""
-    if energy >= REST_ENERGY * float(setup.diameter.min()):
-        return False
-    unbalance = integrator.mean_resultant(state.load, state.species, setup.body, setup.gravity)
-    return unbalance < REST_FORCE * measures.mean_force(setup, state)
+    """Return whether hardly anything moves and forces are in balance."""
+    return energy < REST_ENERGY * float(setup.diameter.min()) and _out_of_balance(setup, state) < REST_FORCE
+
+
+def _energy(setup: Setup, state: State) -> float:
+    """Return the kinetic energy over the weight of all spheres times the largest diameter."""
+    weight = float(setup.mass[state.species].sum())
+    return float(integrator.kinetic_energy(state.motion, state.species, setup.body)) / weight
+
+
+def _out_of_balance(setup: Setup, state: State) -> float:
+    """Return the mean resultant over the mean contact force."""
+    force = measures.mean_force(setup, state)
+    resultant = integrator.mean_resultant(state.load, state.species, setup.body, setup.gravity)
+    return resultant / force if force > 0.0 else math.inf
