@@ -103,9 +103,7 @@ def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
     assert isinstance(repeated[1], Packing)
 
 
-def test_a_bed_that_does_not_come_to_rest_keeps_its_last_state(
-    target: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bed_that_does_not_come_to_rest_keeps_its_last_state(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packing.simulation, "PATIENCE", 0.5)
     (bad,) = Runner(target, 1, make_pool=threads)([SMALL])
     assert isinstance(bad, NotAtRest)

@@ -1,8 +1,17 @@
 """Bulk density, voids and particle density → measured packing density."""
 
+import math
+
 import pytest
 
-from pdlab.density import WATER_DENSITY, measured_packing, oven_dry_density, solid_volume_shares, voids_percent
+from pdlab.density import (
+    WATER_DENSITY,
+    measured_packing,
+    oven_dry_density,
+    solid_volume_shares,
+    standard_measure,
+    voids_percent,
+)
 from pdlab.errors import DensityError
 
 
@@ -81,3 +90,19 @@ def test_mass_shares_become_volume_shares_by_density() -> None:
 def test_a_deviation_in_another_unit_is_refused() -> None:
     with pytest.raises(DensityError, match=r"standard deviation 20 is 20 in PD, more than 0\.05"):
         measured_packing("packing_density", 0.6, repeats=3, standard_deviation=20.0)
+
+
+@pytest.mark.parametrize(
+    ("standard", "largest", "volume"),
+    [("ASTM C29", 12.5, 2.8), ("ASTM C29", 20.0, 9.3), ("ASTM C29", 125.0, 100.0), ("EN 1097-3", 16.0, 5.0)],
+)
+def test_a_standard_names_the_measure_for_a_nominal_maximum_size(standard: str, largest: float, volume: float) -> None:
+    measure = standard_measure(standard, largest)
+    assert measure.volume == volume
+    assert math.pi / 4.0 * measure.diameter**3 == pytest.approx(volume * 1e6)  # as high as wide
+
+
+@pytest.mark.parametrize(("standard", "largest"), [("ASTM C29", 150.0), ("EN 1097-3", 80.0), ("DIN 1", 8.0)])
+def test_a_size_or_standard_without_a_measure_is_named(standard: str, largest: float) -> None:
+    with pytest.raises(DensityError, match=r"has no measure"):
+        standard_measure(standard, largest)

@@ -7,7 +7,7 @@ import pytest
 
 from pdlab import packing
 from pdlab.errors import RunDiverged, Segregated
-from pdlab.specimen import Species, Specimen
+from pdlab.specimen import Component, Protocol, Species, Specimen, in_cylinder
 
 MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 1)
 
@@ -50,3 +50,24 @@ def test_spheres_that_overlap_too_much_are_refused(bed: packing.State) -> None:
     place[i, :3] += 0.1 * toward
     with pytest.raises(RunDiverged, match=r"overlap by .* more than the limit of 2%"):
         packing.measure(MIXED, replace(bed, place=place), 1.0)
+
+
+def test_a_filled_cylinder_reports_what_lies_below_its_rim() -> None:
+    specimen = in_cylinder([Component(1.0, 0.3, 1.0)], 5.0, 4.0, 1, Protocol(container="cylinder"))
+    bed = packing.advance(specimen, None, 10**9)
+    out = packing.measure(specimen, bed, 1.0)
+    # the wall makes it looser than a periodic bed of these spheres, 0.578
+    assert 0.45 < out.packing_density < 0.56
+    volume = np.pi / 4.0 * 5.0**2 * 4.0
+    whole = bed.place[bed.place[:, 2] + 0.5 < 4.0]
+    cut = bed.place[np.abs(bed.place[:, 2] - 4.0) < 0.5]
+    assert len(whole) * np.pi / 6.0 < out.packing_density * volume < (len(whole) + len(cut)) * np.pi / 6.0
+    assert out.height == 4.0
+
+
+def test_a_measure_that_is_not_filled_is_refused() -> None:
+    specimen = in_cylinder([Component(1.0, 0.3, 1.0)], 5.0, 4.0, 1, Protocol(container="cylinder"))
+    sparse = replace(specimen, species=(replace(specimen.species[0], count=80),))
+    bed = packing.advance(sparse, None, 10**9)
+    with pytest.raises(RunDiverged, match=r"stands .* largest diameters above the rim, less than 1.5"):
+        packing.measure(sparse, bed, 1.0)

@@ -1,12 +1,26 @@
 """What is to be run: planning, the grid, the canonical form and its hash."""
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
 
 from pdlab.errors import ProtocolError, ShareError, SpecimenTooLarge
-from pdlab.specimen import Component, Protocol, equal_spheres, mixed_spheres, on_grid
+from pdlab.specimen import (
+    LOOSE,
+    RODDED,
+    VIBRATED,
+    Component,
+    Protocol,
+    Species,
+    Specimen,
+    equal_spheres,
+    in_cylinder,
+    mixed_spheres,
+    on_grid,
+    protocol_of,
+)
 
 
 def test_equal_aggregates_of_any_size_are_one_specimen() -> None:
@@ -57,6 +71,51 @@ def test_a_mixture_meets_width_height_counts_and_shares(ratio: float, share: flo
 def test_too_many_spheres_are_refused_with_their_number() -> None:
     with pytest.raises(SpecimenTooLarge, match=r"takes [\d,]+ spheres, more than the cap of 200,000"):
         mixed_spheres([Component(30.0, 0.2, 0.5), Component(1.0, 0.2, 0.5)], 1)
+
+
+def test_a_measure_is_planned_to_stand_full_beyond_its_rim() -> None:
+    protocol = Protocol(container="cylinder")
+    bed = in_cylinder([Component(20.0, 0.3, 1.0)], 228.0, 228.0, 1, protocol)
+    assert (bed.width, bed.height) == (11.4, 11.4)
+    solids = bed.spheres * math.pi / 6.0
+    assert solids / (math.pi / 4.0 * bed.width**2) / 0.66 >= 11.4 + 1.5
+    assert json.loads(bed.canonical(1))["height"] == 11.4
+
+
+def test_a_measure_that_takes_too_many_spheres_or_is_too_narrow_is_refused() -> None:
+    protocol = Protocol(container="cylinder")
+    with pytest.raises(SpecimenTooLarge, match=r"takes [\d,]+ spheres, .* take a smaller measure"):
+        in_cylinder([Component(1.0, 0.3, 1.0)], 228.0, 228.0, 1, protocol)
+    with pytest.raises(ProtocolError, match=r"is 2.5 of the largest diameter wide"):
+        in_cylinder([Component(20.0, 0.3, 1.0)], 50.0, 228.0, 1, protocol)
+
+
+@pytest.mark.parametrize(("container", "height"), [("periodic", 10.0), ("cylinder", None)])
+def test_a_cylinder_has_a_height_and_a_periodic_box_has_none(container: str, height: float | None) -> None:
+    with pytest.raises(ProtocolError, match=r"correct one of them"):
+        Specimen((Species(1.0, 0.3, 100),), 10.0, 1, Protocol(container=container), height)
+
+
+def test_only_settings_of_its_own_compaction_tell_two_protocols_apart() -> None:
+    assert equal_spheres(0.3, 1, Protocol(drops=3)).digest(1) == equal_spheres(0.3, 1).digest(1)
+    assert equal_spheres(0.3, 1, Protocol("rodded", drops=3)).digest(1) != equal_spheres(0.3, 1, RODDED).digest(1)
+    assert len({equal_spheres(0.3, 1, protocol).digest(1) for protocol in (LOOSE, RODDED, VIBRATED)}) == 3
+    assert protocol_of("unstated") == LOOSE
+
+
+def test_ten_sieve_classes_are_a_specimen_like_any_other() -> None:
+    parts = [Component(1.2**-k, 0.3, 0.1) for k in range(10)]
+    bed = mixed_spheres(parts, 1)
+    assert len(bed.species) == 10
+    assert bed.shares == pytest.approx([0.1] * 10, abs=0.001)
+    assert min(kind.count for kind in bed.species) >= 150
+
+
+def test_rolling_resistance_is_part_of_a_sphere() -> None:
+    parts = [Component(2.0, 1.0, 0.5, rolling=0.1), Component(2.0, 1.0, 0.2, rolling=0.1), Component(2.0, 1.0, 0.3)]
+    bed = mixed_spheres(parts, 1)
+    assert [(kind.friction, kind.rolling) for kind in bed.species] == [(1.0, 0.1), (1.0, 0.0)]
+    assert mixed_spheres([Component(3.0, 1.0, 1.0, rolling=0.2)], 1) == equal_spheres(1.0, 1, rolling=0.2)
 
 
 def test_densities_count_only_above_twenty_percent() -> None:
