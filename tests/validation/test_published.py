@@ -1,16 +1,17 @@
 """Packing density and contacts of equal spheres against an independent program's."""
 
+import math
 import sys
 from pathlib import Path
 
 import pytest
 
 from pdlab.batch import Runner
-from pdlab.specimen import LOOSE, Packing, equal_spheres
+from pdlab.specimen import Packing, Protocol, equal_spheres
 from pdlab.store import open_store
 
 sys.path.insert(0, str(Path(__file__).parent))
-from friction_table import REFERENCE, row, simulate
+from friction_table import REFERENCE, SETTINGS, agrees, row, simulate
 
 ROWS = (0.1, 0.3, 1.0)
 
@@ -22,7 +23,7 @@ def test_three_rows_of_the_friction_table_with_two_seeds_each(tmp_path: Path) ->
     assert len(packings) == len(beds)
     rows = [row(packings[2 * k : 2 * k + 2]) for k in range(len(ROWS))]
     for friction, one in zip(ROWS, rows, strict=True):
-        density, contacts = REFERENCE[0.7, friction]
+        density, _, contacts = REFERENCE[0.7, friction, 0.0]
         # 0.010, and 2.5 standard errors of two seeds, 0.003 / √2 each
         assert abs(one.density - density) < 0.010 + 2.5 * 0.003 / 2**0.5, friction
         assert one.contacts == pytest.approx(contacts, abs=0.3)
@@ -31,10 +32,21 @@ def test_three_rows_of_the_friction_table_with_two_seeds_each(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("friction", [mu for alpha, mu in REFERENCE if alpha == 0.7])
-def test_every_row_is_met_within_0_010_by_the_mean_of_eight_seeds(tmp_path: Path, friction: float) -> None:
-    one = simulate(Runner(open_store(str(tmp_path / "runs.db"))), friction, LOOSE, 8)
-    assert abs(one.density - REFERENCE[0.7, friction][0]) < 0.010
+@pytest.mark.parametrize("case", REFERENCE)
+def test_every_row_agrees_with_another_program_in_the_mean_of_four_seeds(
+    tmp_path: Path, case: tuple[float, float, float]
+) -> None:
+    damping, friction, rolling = case
+    runner = Runner(open_store(str(tmp_path / "runs.db")))
+    assert agrees(simulate(runner, friction, Protocol(local_damping=damping), 4, rolling), *case)
+
+
+@pytest.mark.slow
+def test_half_the_time_step_and_half_the_overlap_change_pd_by_less_than_0_002(tmp_path: Path) -> None:
+    runner = Runner(open_store(str(tmp_path / "runs.db")))
+    base, finer = (simulate(runner, 0.3, Protocol(**change), 16) for change in ({}, SETTINGS["both"]))
+    assert abs(finer.density - base.density) < 0.002 + 2.0 * math.hypot(base.error, finer.error)
+    assert math.hypot(base.error, finer.error) < 0.0013
 
 
 @pytest.mark.slow
