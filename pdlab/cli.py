@@ -1,6 +1,7 @@
 """The verbs in the shell. Exit codes: 0; 2 for what the user can mend; 1 for a fault of pdlab."""
 
 import logging
+import math
 import os
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from pdlab.errors import InputError, PdlabError
 from pdlab.quantities import heading
 
 if TYPE_CHECKING:
+    from pdlab.bedfiles import Bed
     from pdlab.experiments import CalibrationReport, PredictionReport
     from pdlab.lab import Lab
 
@@ -247,7 +249,7 @@ def _check_writable(output: Path) -> None:
         with output.open("a", encoding="utf-8"):
             pass
     except OSError as error:
-        raise InputError(f"{output} cannot be written ({error.strerror}); choose another file with -o") from error
+        raise InputError(f"{output} cannot be written ({error.strerror}); choose another file") from error
 
 
 @app.command()
@@ -312,6 +314,79 @@ def _cell(column: str, value: Any) -> str:
     if column == "specimen_hash":
         return str(value)[:12]
     return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+@app.command()
+def bed(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="The beginning of its hash: see 'pdlab ls runs'.")],
+    outputs: Annotated[
+        list[Path] | None,
+        typer.Option("--output", "-o", help="Write spheres and contacts: .vtp for ParaView, or .csv; repeatable."),
+    ] = None,
+    profiles: Annotated[Path | None, typer.Option(help="Write the profiles of PD, or g(r), as CSV.")] = None,
+    diameter: Annotated[
+        float | None, typer.Option("--diameter-mm", help="Largest diameter [mm]: lengths in mm, not in d_max.")
+    ] = None,
+    store: Store = None,
+) -> None:
+    """Show a run's bed, a failed one's too, or write its files."""
+    from pdlab import bedfiles
+
+    bedfiles.unit(diameter)
+    files = [file for path in outputs or () for file in bedfiles.files_of(path)]
+    if profiles is not None:
+        bedfiles.check_csv(profiles)
+        files.append(profiles)
+    for file in files:
+        if files.count(file) > 1:
+            raise InputError(f"{file} would be written twice; choose another name for one of the two")
+    with _lab(store) as lab:
+        found = lab.bed(run)
+    if not files:
+        _show_bed(found, diameter)
+    for file in files:
+        _check_writable(file)
+    for path in outputs or ():
+        for file in bedfiles.write(found, path, diameter):
+            print(f"written to {file}")
+    if profiles is not None:
+        bedfiles.write_profiles(found, profiles, diameter)
+        print(f"written to {profiles}")
+
+
+def _show_bed(bed: "Bed", diameter: float | None) -> None:
+    import numpy as np
+
+    from pdlab.bedfiles import unit
+
+    length, name = unit(diameter)[0], "d_max" if diameter is None else "mm"
+    inside = "a cylinder" if bed.width is None else "a periodic box"
+    print(f"run {bed.digest[:12]}: {bed.state}" + (f" ({bed.error})" if bed.error else ""))
+    print(  # d_max: the largest diameter, the unit of all that is simulated
+        f"{len(bed.place)} spheres in {inside} {length * bed.specimen.width:.4g} {name} wide, "
+        f"packing density {bed.packing_density:.4f}"
+    )
+    kinds, counts = bed.specimen.species, np.bincount(bed.species, minlength=len(bed.specimen.species))
+    _table(
+        "Contacts per sphere of the middle half, by species",
+        ["species", f"d [{name}]", "spheres", *(f"with {k}" for k in range(len(kinds))), "in all"],
+        [
+            [str(k), f"{length * kinds[k].diameter:.4g}", str(counts[k]), *map(_contacts, row), _contacts(row.sum())]
+            for k, row in enumerate(bed.contacts_by_species)
+        ],
+    )
+    edges = np.linspace(0.0, bed.height, 11)
+    bins = zip(edges[:-1], edges[1:], bed.along_height(edges), strict=True)
+    _table(
+        "Packing density along the height",
+        [f"from [{name}]", f"to [{name}]", "packing density"],
+        [[f"{length * low:.4g}", f"{length * high:.4g}", _number(density)] for low, high, density in bins],
+    )
+
+
+def _contacts(mean: float) -> str:
+    """Return a mean number of contacts, nothing where no sphere is there to have any."""
+    return "" if math.isnan(mean) else f"{mean:.3f}"
 
 
 def _check_free(port: int) -> None:

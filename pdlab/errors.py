@@ -5,7 +5,7 @@ PdlabError
 │   ├── GradingError        a sieve table that is no grading
 │   ├── DensityError        a bulk density, voids or packing density that cannot be one
 │   ├── ShareError          proportions that are none
-│   ├── UnknownName         an aggregate or mixture that the store does not hold
+│   ├── UnknownName         an aggregate, mixture or run that the store does not hold
 │   ├── TableError          what is wrong in imported tables, all of it, with file, row, column
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
 │   ├── OutOfReach          a packing density that the method's spheres cannot reach
@@ -46,7 +46,7 @@ class ShareError(InputError):
 
 
 class UnknownName(InputError):
-    """An aggregate or mixture that the store does not hold."""
+    """An aggregate, mixture or run that the store does not hold."""
 
 
 @dataclass(frozen=True)
@@ -95,11 +95,8 @@ class EngineError(PdlabError):
     """A run that gave no packing density; ``state``: its last bed, for inspection, where there is one."""
 
     def __init__(self, message: str, state: object = None) -> None:
-        super().__init__(message, state)
+        super().__init__(message)
         self.state = state
-
-    def __str__(self) -> str:
-        return str(self.args[0])
 
 
 class RunDiverged(EngineError):

@@ -1,18 +1,22 @@
 """``Lab``: the verbs in Python, with pandas frames in and out."""
 
+import io
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
 import pandas as pd
 
 from pdlab import experiments, mixture, store, tables
 from pdlab.batch import Progress, Runner, cores
+from pdlab.bedfiles import Bed, standing
 from pdlab.calibration import SEEDS
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import CalibrationReport, PredictionReport, Registered
 from pdlab.grading import DEFAULT_RULE
+from pdlab.specimen import from_canonical
 
 SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
 """Feret's round pebbles in the table format, with their source in the folder above."""
@@ -138,6 +142,19 @@ class Lab:
         with self.store.read() as session:
             rows = store.runs(session)
         return pd.DataFrame([{name: getattr(row, name) for name in columns} for row in rows], columns=list(columns))
+
+    def bed(self, run: str) -> Bed:
+        """Return where the spheres of a run lie; a failed run's as it was left, for inspection.
+
+        ``run``: the beginning of its specimen hash, 4 characters or more. Raises UnknownName,
+        ProtocolError.
+        """
+        with self.store.read() as session:
+            row, kept = store.find_bed(session, run)
+        specimen = from_canonical(row.specimen)
+        with np.load(io.BytesIO(kept.archive)) as archive:
+            place, species = standing(specimen, archive["place"]), archive["species"]
+        return Bed(specimen, place, species, row.specimen_hash, row.state, row.error)
 
 
 def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:

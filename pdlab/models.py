@@ -261,7 +261,11 @@ class Run(Base):
 
 
 class RunState(Base):
-    """Where the spheres of a run lie: a compressed NumPy archive of place (N, 4) and species (N,)."""
+    """Where the spheres of a run lie: a compressed NumPy archive of place (N, 4) and species (N,).
+
+    As the engine has them: x and y may lie outside the periodic box, a cylinder stands in the middle of its
+    box; ``bedfiles.standing`` puts both in order.
+    """
 
     __tablename__ = "run_state"
     specimen_hash: Mapped[str] = mapped_column(ForeignKey("run.specimen_hash", ondelete="CASCADE"), primary_key=True)

@@ -304,3 +304,21 @@ def _merge(components: Sequence[Component]) -> list[Component]:
 def with_seeds(specimen: Specimen, seeds: Sequence[int]) -> list[Specimen]:
     """Return the same bed once for each seed."""
     return [replace(specimen, seed=seed) for seed in seeds]
+
+
+def from_canonical(text: str) -> Specimen:
+    """Return the specimen of a canonical form, as stored with its run; the wall's friction is then given.
+
+    What an earlier engine's form does not name is as that engine had it, the default. Raises ProtocolError
+    for a text that is no specimen of this version.
+    """
+    try:
+        content = json.loads(text)
+        return Specimen(
+            tuple(Species(**kind) for kind in content["species"]), content["width"], content["seed"],
+            Protocol(**content["protocol"]), content.get("height"),
+        )  # fmt: skip
+    except (KeyError, TypeError, ValueError) as error:
+        raise ProtocolError(
+            f"'{text[:40]}' is no specimen of this version ({error!r}); use the pdlab that wrote it"
+        ) from error

@@ -5,6 +5,7 @@ writers queue up instead of failing; the reader's do not.
 """
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -338,6 +339,33 @@ def save_run(session: Session, run: Run, state: RunState | None) -> None:
 def runs(session: Session) -> list[Run]:
     """Return all runs, the newest first."""
     return list(session.scalars(sa.select(Run).order_by(Run.finished_at.desc(), Run.specimen_hash)))
+
+
+def find_bed(session: Session, beginning: str) -> tuple[Run, RunState]:
+    """Return the run whose specimen hash has this ``beginning``, 4 characters or more, and its bed.
+
+    Raises UnknownName unless there is exactly one, and when it keeps no bed.
+    """
+    if not re.fullmatch("[0-9a-f]{4,64}", beginning):
+        raise UnknownName(
+            f"'{beginning}' cannot begin a run's hash, which takes 4 to 64 of the characters 0-9 and a-f; "
+            "see 'pdlab ls runs'"
+        )
+    query = sa.select(Run).where(Run.specimen_hash.startswith(beginning)).order_by(Run.specimen_hash).limit(2)
+    found = list(session.scalars(query))
+    if not found:
+        raise UnknownName(f"the store holds no run whose hash begins with {beginning}; see 'pdlab ls runs'")
+    if len(found) > 1:
+        raise UnknownName(
+            f"the hashes of several runs begin with {beginning}, among them "
+            f"{' and '.join(run.specimen_hash[: len(beginning) + 4] for run in found)}; give more characters"
+        )
+    bed = session.get(RunState, found[0].specimen_hash)
+    if bed is None:
+        raise UnknownName(
+            f"run {found[0].specimen_hash[:12]} ({found[0].state}) keeps no bed; choose another, see 'pdlab ls runs'"
+        )
+    return found[0], bed
 
 
 def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:

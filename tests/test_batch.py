@@ -119,6 +119,7 @@ def test_a_bed_that_does_not_come_to_rest_keeps_its_last_state(target: Store, mo
 def test_an_error_from_a_worker_brings_its_state_along() -> None:
     error = pickle.loads(pickle.dumps(NotAtRest("it moves", np.ones(3))))
     assert str(error) == "it moves"
+    assert repr(error) == "NotAtRest('it moves')"
     assert np.array_equal(error.state, np.ones(3))
 
 

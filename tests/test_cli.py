@@ -157,3 +157,109 @@ def test_lab_takes_a_path_one_name_and_refuses_an_empty_frame(small_lab: Path, m
             lab.predict(pd.DataFrame(columns=["mixture", "aggregate", "solid_volume_share"]))
         with pytest.raises(InputError, match="1 seeds give no standard error"):
             lab.calibrate(seeds=1)
+
+
+@pytest.fixture(scope="module")
+def bed_lab(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
+    """A store with a bed at rest, one that does not come to rest, and two runs without a bed; the beds' hashes."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from pdlab import packing
+    from pdlab.models import Run
+    from pdlab.specimen import Species, Specimen
+    from pdlab.store import open_store, save_run
+
+    mixed = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 1)
+    restless = Specimen((Species(1.0, 0.3, 100),), 4.0, 5)
+    folder = tmp_path_factory.mktemp("beds")
+    target = open_store(str(folder / "pdlab.db"))
+    runner = Runner(target, 1, make_pool=ThreadPoolExecutor)
+    runner([mixed])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packing.simulation, "PATIENCE", 0.5)
+        runner([restless])
+    with target.write() as session:
+        for end in "01":
+            digest = end.rjust(64, "0")
+            save_run(session, Run(specimen_hash=digest, specimen="{}", engine_version=1, seed=1, spheres=1,
+                                  state="failed"), None)  # fmt: skip
+    target.close()
+    return folder, mixed.digest(packing.VERSION), restless.digest(packing.VERSION)
+
+
+def test_bed_shows_density_contacts_and_height_of_a_run(bed_lab: tuple[Path, str, str]) -> None:
+    folder, digest, _ = bed_lab
+    done = pdlab("bed", digest[:4], folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert f"run {digest[:12]}: done\n" in done.stdout
+    with Lab(folder / "pdlab.db") as lab:
+        density = lab.runs().set_index("specimen_hash")["packing_density"][digest]
+        matrix = lab.bed(digest).contacts_by_species
+    assert f"360 spheres in a periodic box 4 d_max wide, packing density {density:.4f}\n" in done.stdout
+    rows = [line.split() for line in done.stdout.splitlines() if line.startswith("  ")]
+    fine = next(row for row in rows if row[:3] == ["1", "0.5", "320"])
+    assert fine[3:] == [f"{value:.3f}" for value in (*matrix[1], matrix[1].sum())]
+    assert sum(row[0][0].isdigit() for row in rows if row) == 2 + 10
+    in_mm = pdlab("bed", digest, "--diameter-mm", "16", folder=folder).stdout
+    assert "a periodic box 64 mm wide" in in_mm
+    assert "d_max" not in in_mm
+
+
+def test_bed_shows_a_failed_run_as_it_was_left(bed_lab: tuple[Path, str, str]) -> None:
+    folder, _, digest = bed_lab
+    done = pdlab("bed", digest[:12], folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert f"run {digest[:12]}: failed (the bed still moves after" in done.stdout
+    assert "100 spheres" in done.stdout
+    assert pdlab("bed", digest[:12], "-o", "failed.vtp", folder=folder).returncode == 0
+
+
+def test_bed_writes_every_file_asked_for_and_names_it(bed_lab: tuple[Path, str, str], tmp_path: Path) -> None:
+    folder, digest, _ = bed_lab
+    vtp, csv, profiles = (tmp_path / name for name in ("bed.vtp", "bed.csv", "profiles.csv"))
+    done = pdlab(
+        "bed", digest[:8], "-o", str(vtp), "-o", str(csv), "--profiles", str(profiles), "--diameter-mm", "16",
+        folder=folder,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    written = [vtp, csv, tmp_path / "bed-contacts.csv", profiles]
+    assert done.stdout == "".join(f"written to {file}\n" for file in written)
+    assert sorted(tmp_path.iterdir()) == sorted(written)
+    assert 'NumberOfPoints="360"' in vtp.read_text(encoding="utf-8")
+    assert pd.read_csv(csv)["radius_mm"].max() == 8.0
+    assert pd.read_csv(profiles)["to_mm"].max() > 16.0
+
+
+def test_a_run_is_found_by_the_beginning_of_its_hash_or_not_at_all(bed_lab: tuple[Path, str, str]) -> None:
+    from pdlab.errors import UnknownName
+
+    folder, digest, _ = bed_lab
+    with Lab(folder / "pdlab.db") as lab:
+        assert lab.bed(digest[:4]).digest == lab.bed(digest).digest == digest
+        for beginning, message in (
+            (digest[:3], f"'{digest[:3]}' cannot begin a run's hash, which takes 4 to 64"),
+            (digest.upper(), "cannot begin a run's hash"),
+            ("%%%%", "cannot begin a run's hash"),
+            (f"{digest}0", "cannot begin a run's hash"),
+            (digest[4:20], f"holds no run whose hash begins with {digest[4:20]}"),
+            ("0000", r"several runs begin with 0000, .* 00000000 and 00000000; give more characters"),
+            ("0" * 63 + "1", r"run 000000000000 \(failed\) keeps no bed; choose another"),
+        ):
+            with pytest.raises(UnknownName, match=message):
+                lab.bed(beginning)
+
+
+def test_bed_refuses_what_it_cannot_find_or_write_and_leaves_nothing(
+    bed_lab: tuple[Path, str, str], tmp_path: Path
+) -> None:
+    folder, digest, _ = bed_lab
+    out = str(tmp_path / "bed.csv")
+    refused(pdlab("bed", "f" * 5, "-o", out, folder=folder), "holds no run whose hash begins with fffff; see 'pdlab ls")
+    refused(pdlab("bed", digest, "-o", str(tmp_path), folder=folder), "ends in neither .vtp, for ParaView, nor .csv")
+    refused(pdlab("bed", digest, "-o", out, "--profiles", out, folder=folder), "bed.csv would be written twice")
+    refused(pdlab("bed", digest, "-o", out, "--profiles", "p.vtp", folder=folder), "p.vtp does not end in .csv")
+    refused(pdlab("bed", digest, "-o", out, "--diameter-mm", "0", folder=folder), "a largest diameter of 0 mm is none")
+    refused(pdlab("bed", digest, "-o", "gone/bed.vtp", folder=folder), "gone/bed.vtp cannot be written")
+    assert not list(tmp_path.iterdir())
+    Path(out).mkdir()
+    refused(pdlab("bed", digest, "-o", out, folder=folder), "bed.csv cannot be written (Is a directory)")

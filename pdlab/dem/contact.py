@@ -12,7 +12,7 @@ from numba import prange
 from scipy.optimize import brentq
 
 from pdlab.dem.jit import inlined, kernel, threaded
-from pdlab.dem.quads import (
+from pdlab.dem.simd import (
     PAIRS,
     across,
     add_rows,

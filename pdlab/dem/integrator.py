@@ -5,7 +5,7 @@ from numba import prange
 
 from pdlab.dem.contact import collision_time
 from pdlab.dem.jit import inlined, kernel, threaded
-from pdlab.dem.quads import choose, load, quad, size, spread, store, total
+from pdlab.dem.simd import choose, load, quad, size, spread, store, total
 from pdlab.dem.walls import wall_load
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import prange
 
 from pdlab.dem.jit import kernel, threaded
-from pdlab.dem.quads import PAIRS
+from pdlab.dem.simd import PAIRS
 
 
 class PairList(NamedTuple):

@@ -4,8 +4,8 @@ import numba
 import numpy as np
 import pytest
 
-from pdlab.dem import quads
-from pdlab.dem.quads import (
+from pdlab.dem import simd
+from pdlab.dem.simd import (
     across,
     add_rows,
     along,
@@ -82,4 +82,4 @@ def test_lanes_are_worked_out_one_by_one(shift: float) -> None:
 
 
 def test_a_lane_has_eight_numbers_and_rows_have_thirty_two() -> None:
-    assert (quads.QUAD.length, quads.LANE.length, quads.ROWS.length) == (4, 8, 32)
+    assert (simd.QUAD.length, simd.LANE.length, simd.ROWS.length) == (4, 8, 32)
