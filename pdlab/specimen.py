@@ -45,11 +45,13 @@ OWN = {
 }
 """The settings that each compaction has beside the common ones."""
 LIMITS = {
-    "local_damping": (0.0, 0.95), "restitution": (0.05, 1.0), "nominal_overlap": (1e-5, 0.01),
+    "local_damping": (0.0, 0.95), "restitution": (0.3, 1.0), "nominal_overlap": (1e-5, 0.01),
     "cloud_fraction": (0.05, 0.3), "steps_per_collision": (8.0, 1000.0), "wall_friction": (0.0, 10.0),
     "layers": (1, 10), "drops": (0, 1000), "drop_height": (0.01, 10.0), "drop_pause": (0.1, 100.0),
     "shake_periods": (0, 100_000), "shake_acceleration": (0.0, 50.0), "shake_amplitude": (0.001, 5.0),
 }  # fmt: skip
+STIFF_DASHPOT, STIFF_STEPS = 0.4, 20.0
+"""Restitution below which a bed's dashpots need a shorter step than its springs, and steps that are enough."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,12 @@ class Protocol:
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise ProtocolError(f"{name} {value:g} lies outside [{low:g}, {high:g}]; choose a value inside")
+
+        if self.restitution < STIFF_DASHPOT and self.steps_per_collision < STIFF_STEPS:
+            raise ProtocolError(
+                f"restitution {self.restitution:g} at {self.steps_per_collision:g} steps per collision: below "
+                f"{STIFF_DASHPOT:g} the dashpots make so long a step unstable; take at least {STIFF_STEPS:g} steps"
+            )
 
     def settings(self) -> dict[str, Any]:
         """Return the settings that matter to this compaction, by name."""

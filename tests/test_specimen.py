@@ -133,7 +133,14 @@ def test_shares_that_are_no_proportions_are_refused(shares: tuple[float, float])
 
 @pytest.mark.parametrize(
     "change",
-    [{"compaction": "stamped"}, {"container": "cube"}, {"drops": 2000}, {"local_damping": 1.0}, {"restitution": 0.0}],
+    [
+        {"compaction": "stamped"},
+        {"container": "cube"},
+        {"drops": 2000},
+        {"local_damping": 1.0},
+        {"restitution": 0.0},
+        {"restitution": 0.3},
+    ],
 )
 def test_a_protocol_outside_its_limits_is_refused(change: dict[str, object]) -> None:
     with pytest.raises(ProtocolError):

@@ -50,7 +50,10 @@ def restitution(zeta: float) -> float:
 
 
 def damping_ratio(wanted: float) -> float:
-    """Return the damping ratio [-] whose bounce has the restitution ``wanted``, in (0, 1]."""
+    """Return the damping ratio [-] whose bounce has the restitution ``wanted``, in [0.14, 1].
+
+    Less than exp(-2) no dashpot below critical damping gives.
+    """
     if wanted == 1.0:
         return 0.0
     return float(brentq(lambda zeta: restitution(zeta) - wanted, 0.0, 0.999, xtol=1e-14))
