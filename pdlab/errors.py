@@ -12,7 +12,8 @@ PdlabError
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
 │   └── StoreError          a file that is no store, or a store of another revision
 └── EngineError             a run that gave no packing density
-    ├── RunDiverged         NaN, spheres that escape, overlaps above the bound
+    ├── RunDiverged         NaN, spheres that escape, a measure that is not filled
+    ├── TooSoft             an overlap above the bound: contacts too soft for the forces in this bed
     ├── NotAtRest           the bed did not come to rest in its time
     ├── Segregated          the slab's shares are not the mixture's
     └── WorkersLost         worker processes died again and again
@@ -100,7 +101,11 @@ class EngineError(PdlabError):
 
 
 class RunDiverged(EngineError):
-    """NaN, spheres that escape, overlaps above the bound."""
+    """NaN, spheres that escape, a measure that is not filled."""
+
+
+class TooSoft(EngineError):
+    """An overlap above the bound: contacts too soft for the forces in this bed."""
 
 
 class NotAtRest(EngineError):

@@ -5,7 +5,7 @@ import numpy as np
 from pdlab import dem
 from pdlab.dem import bed, measures, simulation
 from pdlab.dem.jit import fingerprint
-from pdlab.errors import RunDiverged, Segregated
+from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import FILL_ABOVE, OWN, Packing, Specimen
 
 VERSION = dem.VERSION
@@ -60,14 +60,14 @@ def progress(specimen: Specimen, state: State) -> Progress:
 def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
     """Return what a bed at rest shows; ``seconds``: computing time, kept with the result.
 
-    Raises RunDiverged when spheres overlap too much or a measure is not filled, Segregated when the
-    middle is another mixture.
+    Raises TooSoft when spheres overlap too much, RunDiverged when a measure is not filled, Segregated when
+    the middle is another mixture.
     """
     whole = setup(specimen)
     low, high = (0.0, specimen.height) if specimen.height is not None else measures.slab(state.place)
     overlap = measures.largest_overlap(whole, state)
     if overlap > measures.MAX_OVERLAP:
-        raise RunDiverged(
+        raise TooSoft(
             f"two spheres overlap by {overlap:.2%} of the smaller diameter, more than the limit of "
             f"{measures.MAX_OVERLAP:.0%}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}"
         )

@@ -1,7 +1,7 @@
 """The services: register all or nothing, calibrate, predict, compare."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from sqlalchemy import func, select
 from pdlab import experiments
 from pdlab import store as store_module
 from pdlab.errors import (
+    EngineError,
     InputError,
     NotAtRest,
     OutOfReach,
@@ -18,11 +19,13 @@ from pdlab.errors import (
     ShareError,
     SpecimenTooLarge,
     TableError,
+    TooSoft,
     UnknownName,
 )
 from pdlab.experiments import calibrate, comparisons, predict, register
 from pdlab.lab import SHIPPED
 from pdlab.models import Aggregate, Calibration, Prediction, Run
+from pdlab.specimen import Packing, Specimen
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -249,6 +252,32 @@ def test_a_failed_run_fails_its_mixture_and_no_other(pebbles: Store, formula_run
 
     states = {report.mixture: report.state for report in predict(pebbles, run_all)}
     assert states == {"pebbles L+M 1:1": "done", "pebbles L+F 1:1": "failed", "pebbles M+F 1:1": "done"}
+
+
+def test_contacts_that_are_too_soft_are_stiffened_and_that_is_said(pebbles: Store, formula_runner: Any) -> None:
+    runner, asked = formula_runner(pebbles), dict[float, int]()
+
+    def soft(specimens: Sequence[Specimen]) -> list[Packing | EngineError]:
+        out: list[Packing | EngineError] = []
+        for specimen in specimens:
+            overlap = specimen.protocol.nominal_overlap
+            asked[overlap] = asked.get(overlap, 0) + 1
+            mixed = len(specimen.species) > 1
+            out += [TooSoft("overlap")] if mixed and overlap > limit and specimen.seed != 2 else runner([specimen])
+        return out
+
+    limit = 0.0006
+    reports = predict(pebbles, soft)
+    assert {report.state for report in reports} == {"done"}
+    assert all("contacts are 4 times as stiff" in (report.message or "") for report in reports)
+    assert sorted(asked) == [0.0005, 0.001, 0.002]
+    with pebbles.read() as session:
+        rows = list(session.scalars(select(Prediction)))
+    assert {json.loads(row.protocol)["nominal_overlap"] for row in rows} == {0.0005}
+    limit = 0.0001
+    failed = predict(pebbles, soft)
+    assert all(isinstance(report.error, TooSoft) for report in failed)
+    assert min(asked) == 0.00025
 
 
 def test_a_mixture_too_far_apart_says_how_many_spheres_it_takes(

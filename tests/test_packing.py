@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdlab import packing
-from pdlab.errors import RunDiverged, Segregated
+from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import Component, Protocol, Species, Specimen, in_cylinder
 
 MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 1)
@@ -48,7 +48,7 @@ def test_spheres_that_overlap_too_much_are_refused(bed: packing.State) -> None:
     toward = place[j, :3] - place[i, :3]
     toward[:2] -= MIXED.width * np.round(toward[:2] / MIXED.width)
     place[i, :3] += 0.1 * toward
-    with pytest.raises(RunDiverged, match=r"overlap by .* more than the limit of 2%"):
+    with pytest.raises(TooSoft, match=r"overlap by .* more than the limit of 2%"):
         packing.measure(MIXED, replace(bed, place=place), 1.0)
 
 

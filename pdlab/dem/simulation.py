@@ -245,8 +245,8 @@ def look(setup: Setup, state: State) -> State:
     if spent > patience:
         raise NotAtRest(
             f"the bed still moves after {spent:.0f} sqrt(d/g), more than {PATIENCE:g} fall times, with a "
-            f"kinetic energy of {energy:.1e} of weight times diameter; raise the local damping "
-            f"above {setup.local_damping:g} or the friction coefficient",
+            f"kinetic energy of {energy:.1e} of weight times diameter; raise the steps per collision above "
+            f"{setup.steps_per_collision:g}, the local damping above {setup.local_damping:g} or the friction",
             state,
         )
     return state

@@ -7,7 +7,7 @@ from typing import Any
 
 from pdlab import mixture, store
 from pdlab.calibration import METHOD
-from pdlab.errors import EngineError, InputError, PdlabError
+from pdlab.errors import InputError, PdlabError, TooSoft
 from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, equals, protocol_text
 from pdlab.experiments.readings import is_stale, measured_mixture
 from pdlab.grading import DEFAULT_RULE
@@ -53,6 +53,7 @@ class _Blend:
     calibration_ids: list[int]
     done: list[Packing] = field(default_factory=list)
     error: PdlabError | None = None
+    stiffer: float = 1.0
 
 
 def predict(
@@ -115,22 +116,27 @@ def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
         for blend in blends:
             try:
                 if blend.error is None:
-                    wanted += [(blend, bed) for bed in mixture.next_specimens(blend.parts, blend.done, seeds)]
+                    beds = mixture.next_specimens(blend.parts, blend.done, seeds, stiffer=blend.stiffer)
+                    wanted += [(blend, bed) for bed in beds]
             except PdlabError as error:
                 blend.error = error
         if not wanted:
             return
-        for (blend, _), outcome in zip(wanted, run_all([bed for _, bed in wanted]), strict=True):
-            if isinstance(outcome, EngineError):
-                blend.error = outcome
-            else:
+        outcomes = run_all([bed for _, bed in wanted])
+        for (blend, _), outcome in zip(wanted, outcomes, strict=True):
+            if isinstance(outcome, Packing):
                 blend.done.append(outcome)
+            elif blend.error is None or isinstance(blend.error, TooSoft):
+                blend.error = outcome
+        for blend in blends:
+            if isinstance(blend.error, TooSoft) and blend.stiffer < mixture.STIFFEST:
+                blend.stiffer, blend.done, blend.error = blend.stiffer * mixture.STIFFER, [], None
 
 
 def _facts_of(blend: _Blend) -> dict[str, Any]:
     if blend.error is not None:
         return {"state": "failed", "message": str(blend.error)}
-    result = mixture.predict(blend.parts, blend.done)
+    result = mixture.predict(blend.parts, blend.done, blend.stiffer)
     return {
         "state": "done",
         "message": None,
@@ -144,9 +150,10 @@ def _facts_of(blend: _Blend) -> dict[str, Any]:
 def _save_prediction(target: Store, blend: _Blend) -> None:
     """Write a prediction, or why there is none; of an equal one on the same runs only the time is renewed."""
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
+    protocol = protocol_of(blend.parts[0].compaction if blend.parts else "unstated")
     facts: dict[str, Any] = _facts_of(blend) | {
         "method": METHOD,
-        "protocol": protocol_text(protocol_of(blend.parts[0].compaction if blend.parts else "unstated")),
+        "protocol": protocol_text(mixture.stiffened(protocol, blend.stiffer)),
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:
