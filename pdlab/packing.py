@@ -36,6 +36,7 @@ def setup(specimen: Specimen) -> bed.Setup:
         wall_friction=specimen.wall_friction,
         restitution=protocol.restitution,
         local_damping=protocol.local_damping,
+        moment_damping=protocol.moment_damping,
         nominal_overlap=protocol.nominal_overlap,
         cloud_fraction=protocol.cloud_fraction,
         steps_per_collision=protocol.steps_per_collision,

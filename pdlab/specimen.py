@@ -37,7 +37,15 @@ def on_grid(value: float) -> float:
 
 
 CONTAINERS = ("periodic", "cylinder")
-COMMON = ("local_damping", "restitution", "nominal_overlap", "cloud_fraction", "steps_per_collision", "wall_friction")
+COMMON = (
+    "local_damping",
+    "moment_damping",
+    "restitution",
+    "nominal_overlap",
+    "cloud_fraction",
+    "steps_per_collision",
+    "wall_friction",
+)
 OWN = {
     "loose": (),
     "rodded": ("layers", "drops", "drop_height", "drop_pause"),
@@ -62,7 +70,8 @@ class Protocol:
     the container is lifted ``drop_height`` and dropped ``drops`` times, ``drop_pause`` apart; vibrated,
     loose and then ``shake_periods`` of a vertical sine of peak acceleration ``shake_acceleration`` g and
     amplitude ``shake_amplitude``. ``container``: periodic, no side walls, or cylinder.
-    ``local_damping``: PFC3D's α while spheres are poured and settle; compaction goes without.
+    ``local_damping``: PFC3D's α while spheres are poured and settle, on moments too with
+    ``moment_damping``; compaction goes without.
     ``restitution`` of a bounce. ``nominal_overlap``: the bed's weight on its floor over the contact
     modulus. ``cloud_fraction``: solid fraction of the cloud that falls. ``steps_per_collision``: time
     steps in the shortest collision. ``wall_friction``: None for the smallest friction present. Raises
@@ -72,6 +81,7 @@ class Protocol:
     compaction: str = "loose"
     container: str = "periodic"
     local_damping: float = 0.7
+    moment_damping: bool = False
     restitution: float = 0.5
     nominal_overlap: float = 0.002
     cloud_fraction: float = 0.25

@@ -44,8 +44,8 @@ class Setup:
 
     ``diameter``, ``density``, ``friction``: shape (S,). ``count``: shape (S,), spheres of each species.
     ``rolling``: rolling friction coefficients, shape (S,), None for no rolling resistance. ``width``: of
-    the periodic box, or inner diameter of the ``cylinder``. ``local_damping``: PFC3D's α;
-    ``moment_damping`` is not offered. ``nominal_overlap``: weight of all spheres on the floor over the
+    the periodic box, or inner diameter of the ``cylinder``. ``local_damping``: PFC3D's α, on
+    moments too with ``moment_damping``. ``nominal_overlap``: weight of all spheres on the floor over the
     contact modulus.
 
     The spheres fall in ``layers`` layers. After each the container is lifted ``drop_height`` and dropped
@@ -64,6 +64,7 @@ class Setup:
     cylinder: bool = False
     restitution: float = 0.5
     local_damping: float = 0.7
+    moment_damping: bool = False
     nominal_overlap: float = 0.002
     cloud_fraction: float = 0.25
     steps_per_collision: float = 10.0

@@ -32,17 +32,21 @@ def start_loads(place, motion, species, law, near, width, radius, dt, loads):  #
 
 
 @inlined
-def move_one(i, force, torque, place, motion, species, body, gravity, alpha, dt, origin):  # type: ignore[no-untyped-def]
+def opposed(alpha, resultant, speed):  # type: ignore[no-untyped-def]
+    """Return a resultant, each component reduced by ``alpha`` times its size against the speed's sign."""
+    zero = spread(0.0)
+    drag = alpha * size(resultant)
+    return resultant - choose(zero, speed, drag, choose(speed, zero, -1.0 * drag, zero))
+
+
+@inlined
+def move_one(i, force, torque, place, motion, species, body, gravity, alpha, beta, dt, origin):  # type: ignore[no-untyped-def]
     """Advance one sphere; return whether it went farther than its allowance, or is no number."""
     b = species[i]
-    zero = spread(0.0)
-    speed = load(motion, 8 * i)
-    force = force + body[b, 0] * gravity
-    drag = alpha * size(force)
-    force = force - choose(zero, speed, drag, choose(speed, zero, -1.0 * drag, zero))
-    speed = speed + (dt / body[b, 0]) * force
+    speed, spin = load(motion, 8 * i), load(motion, 8 * i + 4)
+    speed = speed + (dt / body[b, 0]) * opposed(alpha, force + body[b, 0] * gravity, speed)
     store(motion, 8 * i, speed)
-    store(motion, 8 * i + 4, load(motion, 8 * i + 4) + (dt * body[b, 1]) * torque)
+    store(motion, 8 * i + 4, spin + (dt * body[b, 1]) * opposed(beta, torque, spin))
     now = load(place, 4 * i) + dt * speed
     store(place, 4 * i, now)
     gone = now - load(origin, 4 * i)
@@ -50,25 +54,26 @@ def move_one(i, force, torque, place, motion, species, body, gravity, alpha, dt,
 
 
 @kernel
-def move(place, motion, species, body, loads, gx, gy, gz, alpha, dt, origin):  # type: ignore[no-untyped-def]
+def move(place, motion, species, body, loads, gx, gy, gz, alpha, beta, dt, origin):  # type: ignore[no-untyped-def]
     """Advance velocities by ``loads`` and places by the velocities; return whether the list is stale.
 
     Arrays flat but ``body`` (S, 2): mass and inverse moment of inertia. Each component of the
-    resultant, gravity ``g`` included, is reduced by ``alpha`` times its size against the velocity.
+    resultant, gravity ``g`` included, is reduced by ``alpha`` times its size against the velocity, of the
+    moment by ``beta``.
     ``origin``: where each sphere was when the list was made, and its radius less its allowance; the
     list is stale when one went farther, and written so that a NaN, too, ends its life.
     """
     stale, gravity = False, quad(gx, gy, gz, 0.0)
     for i in range(species.size):
         force, torque = load(loads, 8 * i), load(loads, 8 * i + 4)
-        stale |= move_one(i, force, torque, place, motion, species, body, gravity, alpha, dt, origin)
+        stale |= move_one(i, force, torque, place, motion, species, body, gravity, alpha, beta, dt, origin)
     return stale
 
 
 @threaded
 def gather_and_move(  # type: ignore[no-untyped-def]
-    place, motion, species, body, law, near, width, radius, first, entry, pair_loads, gx, gy, gz, alpha, dt, origin,
-    parts, loads, stale,
+    place, motion, species, body, law, near, width, radius, first, entry, pair_loads,
+    gx, gy, gz, alpha, beta, dt, origin, parts, loads, stale,
 ):  # fmt: skip
     """Do what ``start_loads``, ``contact.add_pair_loads`` and ``move`` do, on several threads.
 
@@ -92,7 +97,7 @@ def gather_and_move(  # type: ignore[no-untyped-def]
                 torque = torque + load(pair_loads, row + 32 + 32 * side)
             store(loads, 8 * i, force)
             store(loads, 8 * i + 4, torque)
-            late |= move_one(i, force, torque, place, motion, species, body, gravity, alpha, dt, origin)
+            late |= move_one(i, force, torque, place, motion, species, body, gravity, alpha, beta, dt, origin)
         stale[part] = late
 
 

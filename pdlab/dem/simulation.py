@@ -138,7 +138,8 @@ def _call(setup: Setup, stage: Stage, state: State, steps: int, parts: int | Non
     return tuple(
         _march(
             steps, setup.time_step, stage.gravity * setup.gravity, stage.swing, stage.frequency * setup.time_step,
-            state.steps - state.stage_began, stage.damping, setup.box, setup.wall_radius, law, at_walls, setup.body,
+            state.steps - state.stage_began, stage.damping,
+            stage.damping if setup.moment_damping else 0.0, setup.box, setup.wall_radius, law, at_walls, setup.body,
             state.species, kinds, classes[state.species], int(classes.max()) + 1, SKIN * float(setup.diameter.min()),
             state.place.copy(), state.motion.copy(), state.load.copy(), state.origin.copy(),
             pairs._replace(spring=pairs.spring.copy(), touched=pairs.touched.copy()),
@@ -150,13 +151,14 @@ def _call(setup: Setup, stage: Stage, state: State, steps: int, parts: int | Non
 
 @kernel
 def _march(  # type: ignore[no-untyped-def]
-    steps, dt, gravity, swing, turn, begun, alpha, width, radius, law, wall_law, body, species, kinds, sizes, classes,
-    skin, place, motion, load, origin, pairs, near, stale, rolling, parts,
+    steps, dt, gravity, swing, turn, begun, alpha, beta, width, radius, law, wall_law, body, species, kinds, sizes,
+    classes, skin, place, motion, load, origin, pairs, near, stale, rolling, parts,
 ):  # fmt: skip
     """Run the time loop; return what changed, whether the list is stale, and a lost sphere or -1.
 
     ``swing``, ``turn``, ``begun``: gravity's factor is 1 + swing sin(turn (begun + k)) at step k.
-    ``rolling``: None where nothing resists rolling. ``parts``: None, or the threads that share a step.
+    ``alpha``, ``beta``: local damping of forces and of moments. ``rolling``: None where nothing resists
+    rolling. ``parts``: None, or the threads that share a step.
     """
     n = place.shape[0]
     flat_place, flat_motion, flat_load, flat_origin = (
@@ -192,13 +194,13 @@ def _march(  # type: ignore[no-untyped-def]
             integrator.start_loads(flat_place, flat_motion, species, wall_law, near, width, radius, dt, flat_load)
             contact.add_pair_loads(flat_place, flat_motion, flat_law, width, pairs, rolling, dt, flat_load)
             stale = integrator.move(
-                flat_place, flat_motion, species, body, flat_load, gx, gy, gz, alpha, dt, flat_origin
+                flat_place, flat_motion, species, body, flat_load, gx, gy, gz, alpha, beta, dt, flat_origin
             )
         else:
             contact.store_pair_loads(flat_place, flat_motion, flat_law, width, pairs, rolling, dt, parts, pair_loads)
             integrator.gather_and_move(
                 flat_place, flat_motion, species, body, wall_law, near, width, radius, first, entry, pair_loads,
-                gx, gy, gz, alpha, dt, flat_origin, parts, flat_load, late,
+                gx, gy, gz, alpha, beta, dt, flat_origin, parts, flat_load, late,
             )  # fmt: skip
             stale = late.any()
     return place, motion, load, origin, pairs, near, stale, -1

@@ -228,3 +228,15 @@ def test_the_side_of_a_cylinder_bounces_and_rubs_like_the_floor() -> None:
     assert after.motion[0, :3] @ outward == pytest.approx(-0.05, rel=0.01)
     assert after.motion[0, 2] < 0.0999  # rubbed along the wall
     assert np.linalg.norm(after.place[0, :2] - centre) < 2.5
+
+
+@pytest.mark.parametrize(("damped", "wanted"), [(False, 1.0), (True, 0.3)])
+def test_moments_are_damped_only_when_that_is_asked_for(damped: bool, wanted: float) -> None:
+    # a sphere at rest on a slope begins to roll: its spin is driven by the floor's friction alone
+    base = make_setup(0.001, slope(0.35))  # slips, so that the torque is that of sliding friction
+    for setup in (base, replace(base, local_damping=0.7, moment_damping=damped)):
+        state = settled_on_slope(setup)
+        after = simulation.march(setup, state, 2000)
+        torque = after.load[0, 5]
+        spin = after.motion[0, 5] / (2000 * setup.time_step * setup.body[0, 1] * torque)
+        assert spin == pytest.approx(1.0 if setup is base else wanted, rel=0.03)
