@@ -273,6 +273,9 @@ def test_contacts_that_are_too_soft_are_stiffened_and_that_is_said(pebbles: Stor
     assert sorted(asked) == [0.0005, 0.001, 0.002]
     with pebbles.read() as session:
         rows = list(session.scalars(select(Prediction)))
+        beds = {run.specimen_hash: json.loads(run.specimen)["protocol"] for run in session.scalars(select(Run))}
+        rested_on = {beds[link.specimen_hash]["nominal_overlap"] for row in rows for link in row.runs}
+    assert rested_on == {0.0005}  # none of the softer beds that passed
     assert {json.loads(row.protocol)["nominal_overlap"] for row in rows} == {0.0005}
     limit = 0.0001
     failed = predict(pebbles, soft)

@@ -232,3 +232,14 @@ def test_a_cylinder_keeps_its_spheres() -> None:
         off = np.hypot(*(place[:, :2] - 0.5 * setup.box).T)
         assert (off + place[:, 3]).max() < 2.5 * 1.004
     assert state.rest
+
+
+def test_a_dropped_container_strikes_its_spheres_and_layers_fall_from_other_places() -> None:
+    setup = variants()["rodded"]
+    before = replace(bed.start(setup), stage=1)  # in free fall
+    struck = simulation.next_stage(setup, before)
+    np.testing.assert_allclose(struck.motion[:, 2] - before.motion[:, 2], -1.0)
+    poured = bed.pour(setup, before, 1)
+    first, second = poured.place[:33], poured.place[33:66]
+    assert not np.isin(second[:, 0], first[:, 0]).any()
+    assert (second[:, 2] - 0.5).min() >= (first[:, 2] + 0.5).max()
