@@ -91,9 +91,7 @@ def tiled(setup: Setup, state: State, times: int) -> tuple[Setup, State]:
         state.place + np.array([x * setup.width, y * setup.width, 0.0, 0.0]) for x in range(times) for y in range(times)
     ]
     wide = replace(setup, width=times * setup.width, count=setup.count * times**2)
-    place = np.concatenate(parts)
-    order = bed.in_columns(place, wide.width)
-    cloud = bed.rest_free(place[order], np.tile(state.species, times**2)[order])
+    cloud = bed.in_order(wide, bed.rest_free(np.concatenate(parts), np.tile(state.species, times**2)))
     return wide, simulation.march(replace(wide, local_damping=0.7), cloud, 500)
 
 

@@ -90,7 +90,7 @@ class Protocol:
     layers: int = 3
     drops: int = 25
     drop_height: float = 0.5
-    drop_pause: float = 5.0
+    drop_pause: float = 2.5
     shake_periods: int = 200
     shake_acceleration: float = 3.0
     shake_amplitude: float = 0.1

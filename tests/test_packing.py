@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pdlab import packing
+from pdlab.dem.neighbors import no_pairs
 from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import Component, Protocol, Species, Specimen, in_cylinder
 
@@ -23,7 +24,7 @@ def sunk(bed: packing.State, count: int) -> packing.State:
     place = bed.place.copy()
     inside = np.flatnonzero((place[:, 2] > low) & (place[:, 2] < high) & (place[:, 3] == 0.5))
     place[inside[:count], 2] = 0.5
-    return replace(bed, place=place, pairs=bed.pairs._replace(total=np.zeros(1, np.int64)))
+    return replace(bed, place=place, pairs=no_pairs())
 
 
 def test_a_bed_reports_its_density_contacts_height_and_shares(bed: packing.State) -> None:

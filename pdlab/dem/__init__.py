@@ -4,5 +4,5 @@ No SQL, no files, no page. Length is the largest diameter, mass density that of 
 gravity is one, so time is in units of sqrt(d/g).
 """
 
-VERSION = 2
+VERSION = 3
 """Raised by hand whenever a bed's bytes change; a run of another version is another run."""

@@ -8,13 +8,15 @@ import numpy as np
 
 from pdlab.dem import contact, insertion, integrator, neighbors, walls
 from pdlab.dem.neighbors import PairList
+from pdlab.dem.simd import PAIRS
 from pdlab.dem.walls import WallList
 from pdlab.errors import RunDiverged
 
 CHECK_EVERY = 0.5
 """Time between two looks whether the bed rests, in sqrt(d/g)."""
-COLUMN = 8.0
-"""Width of a column of spheres that follow each other in memory, in largest diameters."""
+SLICE, NARROWEST_PART = 8.0, 2.5
+"""Width of a slice of the bed whose spheres follow each other in memory, in diameters of the mean sphere
+volume, and the least of a part, in largest diameters: pairs reach no farther than the next part."""
 MARGIN = 3.0
 """Free width of the box that a cylinder stands in, in largest diameters."""
 
@@ -71,7 +73,7 @@ class Setup:
     layers: int = 1
     drops: int = 0
     drop_height: float = 0.5
-    drop_pause: float = 5.0
+    drop_pause: float = 2.5
     shake_periods: int = 0
     shake_acceleration: float = 3.0
     shake_amplitude: float = 0.1
@@ -138,6 +140,20 @@ class Setup:
     def fall_time(self) -> float:
         """Time in which a sphere falls through a layer's cloud, local damping included."""
         return math.sqrt(2.0 * self.cloud_height / self.layers / (1.0 - self.local_damping))
+
+    @cached_property
+    def columns(self) -> int:
+        """Columns that the bed's spheres are sorted into along y."""
+        return max(1, round(self.box / self._slice))
+
+    @cached_property
+    def parts(self) -> int:
+        """Parts that the bed is cut into along x, 1 or an even number: threads work on them at once."""
+        return max(1, 2 * round(0.5 * self.box / max(self._slice, NARROWEST_PART)))
+
+    @cached_property
+    def _slice(self) -> float:
+        return SLICE * float(np.cbrt((self.count * self.diameter**3).sum() / self.count.sum()))
 
     @cached_property
     def check_steps(self) -> int:
@@ -212,7 +228,7 @@ def start(setup: Setup) -> State:
 
     Raises RunDiverged when a sphere finds no place.
     """
-    return rest_free(*_cloud(setup, 0, 0.0))
+    return in_order(setup, rest_free(*_cloud(setup, 0, 0.0)))
 
 
 def pour(setup: Setup, state: State, layer: int) -> State:
@@ -224,10 +240,11 @@ def pour(setup: Setup, state: State, layer: int) -> State:
         return np.concatenate([getattr(state, name), getattr(more, name)])
 
     first = np.concatenate([state.near.first, np.full(len(species), state.near.first[-1])])
-    return replace(
-        state, stale=True, near=state.near._replace(first=first), place=both("place"), motion=both("motion"),
+    state = replace(
+        state, near=state.near._replace(first=first), place=both("place"), motion=both("motion"),
         species=both("species"), load=both("load"), origin=both("origin"),
     )  # fmt: skip
+    return in_order(setup, state)
 
 
 def _cloud(setup: Setup, layer: int, bottom: float) -> tuple[np.ndarray, np.ndarray]:
@@ -244,14 +261,40 @@ def _cloud(setup: Setup, layer: int, bottom: float) -> tuple[np.ndarray, np.ndar
             f"sphere {found + 1} of {species.size} found no place in {insertion.ATTEMPTS} attempts in a cloud of "
             f"solid fraction {setup.cloud_fraction:g}; choose a smaller cloud fraction"
         )
-    order = in_columns(place, setup.box)
-    return place[order], species[order]
+    return place, species
 
 
-def in_columns(place: np.ndarray, width: float) -> np.ndarray:
-    """Return the order, shape (N,), of spheres column by column, from below: neighbours share the cache.
+def in_order(setup: Setup, state: State) -> State:
+    """Return the bed with its spheres in the order of their places: neighbours share the cache.
 
-    The columns are square, some eight diameters wide, and hold while a bed falls.
+    The bed is cut into its parts along x, each of as many spheres, these into columns along y, and a
+    column's spheres stand from below. The list is stale then.
     """
-    column = np.floor(place[:, :2] / width * max(1, round(width / COLUMN)))
-    return np.lexsort((place[:, 2], column[:, 1], column[:, 0]))
+    order = by_place(setup, state.place)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(order.size)
+    pairs, near = state.pairs, state.near
+    owner, neighbor = rank[pairs.owner], rank[pairs.neighbor]
+    sign = np.where(owner < neighbor, 1.0, -1.0)  # what acts on i acts the other way on j
+    signs = np.resize(np.repeat(sign.reshape(-1, 1, PAIRS), 3, axis=1), pairs.spring.size)
+    count = np.diff(near.first)[order]
+    first = np.concatenate([[0], np.cumsum(count)])
+    entry = np.arange(first[-1]) + np.repeat(near.first[order] - first[:-1], count)
+    return replace(
+        state, stale=True, place=state.place[order], motion=state.motion[order], species=state.species[order],
+        load=state.load[order], origin=state.origin[order],
+        pairs=pairs._replace(
+            owner=np.minimum(owner, neighbor).astype(np.uint32), neighbor=np.maximum(owner, neighbor).astype(np.uint32),
+            spring=pairs.spring * signs,
+        ),
+        near=WallList(first, near.wall[entry], near.spring[entry]),
+    )  # fmt: skip
+
+
+def by_place(setup: Setup, place: np.ndarray) -> np.ndarray:
+    """Return the order, shape (N,), of spheres at ``place`` (N, 4) that ``in_order`` brings them into."""
+    n, x = len(place), np.mod(place[:, 0], setup.box)
+    part = np.empty(n, np.int64)
+    part[np.argsort(x, kind="stable")] = np.arange(n) * setup.parts // n
+    column = np.floor(np.mod(place[:, 1], setup.box) / setup.box * setup.columns)
+    return np.lexsort((place[:, 2], column, part))

@@ -8,10 +8,9 @@ without dashpot of Ai, Chen, Rotter and Ooi (2011), type C.
 import math
 
 import numpy as np
-from numba import prange
 from scipy.optimize import brentq
 
-from pdlab.dem.jit import inlined, kernel, threaded
+from pdlab.dem.jit import inlined, kernel
 from pdlab.dem.simd import (
     PAIRS,
     across,
@@ -218,13 +217,14 @@ def eight_pairs(g, place, motion, law, pairs, rolling, dt, signs, box, per_box):
 
 
 @kernel
-def add_pair_loads(place, motion, law, width, pairs, rolling, dt, load):  # type: ignore[no-untyped-def]
-    """Add the forces and torques of all pairs to ``load``, flat: force, 0, torque, 0 of each sphere.
+def add_pair_loads(first, last, place, motion, law, width, pairs, rolling, dt, load):  # type: ignore[no-untyped-def]
+    """Add the forces and torques of the groups from ``first`` up to ``last`` to ``load``.
 
-    ``place``, ``motion``, ``law``, ``pairs``, ``rolling`` as in ``eight_pairs``. ``width``: of the periodic box.
+    ``load``: flat, force, 0, torque, 0 of each sphere. ``place``, ``motion``, ``law``, ``pairs``, ``rolling`` as in
+    ``eight_pairs``. ``width``: of the periodic box.
     """
     signs, box, per_box = lengths(width)
-    for g in range(pairs.touched.size):
+    for g in range(first, last):
         near, force, torque, torque_there = eight_pairs(g, place, motion, law, pairs, rolling, dt, signs, box, per_box)
         if near:
             k = PAIRS * g
@@ -232,23 +232,3 @@ def add_pair_loads(place, motion, law, width, pairs, rolling, dt, load):  # type
             add_rows(load, pairs.owner, k, 8, 4, torque)
             add_rows(load, pairs.neighbor, k, 8, 0, -1.0 * force)
             add_rows(load, pairs.neighbor, k, 8, 4, torque_there)
-
-
-@threaded
-def store_pair_loads(place, motion, law, width, pairs, rolling, dt, parts, out):  # type: ignore[no-untyped-def]
-    """Write what every pair does to its two spheres into ``out``, on several threads.
-
-    ``out``: flat, of each group of eight pairs the forces, the torques on i and those on j, as rows.
-    """
-    signs, box, per_box = lengths(width)
-    groups = pairs.touched.size
-    for part in prange(parts):
-        for g in range(part * groups // parts, (part + 1) * groups // parts):
-            before = pairs.touched[g]
-            near, force, torque, torque_there = eight_pairs(
-                g, place, motion, law, pairs, rolling, dt, signs, box, per_box
-            )
-            if near or before:
-                store(out, 96 * g, force)
-                store(out, 96 * g + 32, torque)
-                store(out, 96 * g + 64, torque_there)

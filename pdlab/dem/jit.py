@@ -2,6 +2,7 @@
 
 import hashlib
 import tempfile
+import types
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,9 +56,11 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return _compiled(function, forceinline=True)
 
 
-def threaded(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile ``function`` so that its ``prange`` loops run on several threads."""
-    return _compiled(function, cache=True, parallel=True)
+def alone_and_shared(function: Callable[..., Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """Compile ``function`` twice: for one thread, and with its ``prange`` loops on several."""
+    shared = types.FunctionType(function.__code__, function.__globals__, f"{function.__name__}_shared")
+    shared.__qualname__ = f"{function.__qualname__}_shared"  # the cache knows a function by its name alone
+    return kernel(function), _compiled(shared, cache=True, parallel=True)
 
 
 def fingerprint() -> dict[str, str]:

@@ -35,8 +35,8 @@ def solid_fraction(place: np.ndarray, area: float, low: float, high: float) -> f
 
 def contacts(setup: Setup, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the spheres i and j of every contact and its overlap, each of shape (K,)."""
-    pairs, count = state.pairs, int(state.pairs.total[0])
-    i, j = pairs.owner[:count].astype(np.int64), pairs.neighbor[:count].astype(np.int64)
+    real = state.pairs.kind < setup.diameter.size**2
+    i, j = (index[real].astype(np.int64) for index in (state.pairs.owner, state.pairs.neighbor))
     apart = state.place[i, :3] - state.place[j, :3]
     apart[:, :2] -= setup.box * np.round(apart[:, :2] / setup.box)
     delta = state.place[i, 3] + state.place[j, 3] - np.sqrt((apart**2).sum(axis=1))

@@ -10,17 +10,20 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
-from pdlab.dem.jit import kernel, threaded
+from pdlab.dem.jit import alone_and_shared, kernel
 from pdlab.dem.simd import PAIRS
 
 
 class PairList(NamedTuple):
-    """Pairs that may touch, in G groups of eight; the last group is filled up with a pair of no stiffness.
+    """Pairs that may touch, in G groups of eight.
 
-    ``owner``, ``neighbor``, ``kind`` (8 G,), unsigned: spheres i < j and their row in the law's table.
-    ``spring`` (24 G,): the tangential springs' forces on i, of each group x, y, z of the eight; (48 G,)
-    with rolling resistance, whose springs' moments follow. ``touched`` (G,): whether any pair of the
-    group touched in the last step. ``total`` (1,): the pairs, without the fill.
+    The groups of a bed in P parts stand in 2 P + 1 chapters: the pairs within each part, those across the
+    borders behind the parts 0, 2, 4 ..., then those behind 1, 3, 5 ..., and all others. Chapters of one
+    kind share no sphere, but for the last. Each chapter's last group is filled up with a pair of no
+    stiffness. ``owner``, ``neighbor``, ``kind`` (8 G,), unsigned: spheres i < j and their row in the law's
+    table, whose last is the fill's. ``spring`` (24 G,): the tangential springs' forces on i, of each group
+    x, y, z of the eight; (48 G,) with rolling resistance, whose springs' moments follow. ``touched`` (G,):
+    whether any pair of the group touched in the last step. ``begin`` (2 P + 2,): each chapter's first group.
     """
 
     owner: np.ndarray
@@ -28,13 +31,13 @@ class PairList(NamedTuple):
     kind: np.ndarray
     spring: np.ndarray
     touched: np.ndarray
-    total: np.ndarray
+    begin: np.ndarray
 
 
 def no_pairs() -> PairList:
     """Return an empty list."""
     index = np.zeros(0, np.uint32)
-    return PairList(index, index, index, np.zeros(0), np.zeros(0, np.uint8), np.zeros(1, np.int64))
+    return PairList(index, index, index, np.zeros(0), np.zeros(0, np.uint8), np.zeros(4, np.int64))
 
 
 def size_classes(radius: np.ndarray) -> np.ndarray:
@@ -131,23 +134,26 @@ def search(begin, end, sorted_place, rank, sizes, grids, width, owner, neighbor,
     return pairs
 
 
-@threaded
-def search_threads(  # type: ignore[no-untyped-def]
-    parts, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found
+def _search_shares(  # type: ignore[no-untyped-def]
+    shares, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found
 ):
-    """Search in ``parts`` parts at once, each writing from ``part * room`` on; count them in ``found``."""
+    """Search in ``shares`` of the spheres, each writing from ``share * room`` on; count them in ``found``."""
     n = sorted_place.shape[0]
-    for part in prange(parts):
-        begin, end = part * n // parts, (part + 1) * n // parts
-        found[part] = search(begin, end, sorted_place, rank, sizes, grids, width, owner, neighbor, part * room, room)
+    for share in prange(shares):
+        begin, end = share * n // shares, (share + 1) * n // shares
+        found[share] = search(begin, end, sorted_place, rank, sizes, grids, width, owner, neighbor, share * room, room)
+
+
+search_alone, search_shared = alone_and_shared(_search_shares)
+"""The same search on one thread and on several."""
 
 
 @kernel
-def all_found(place, allowance, sizes, classes, width, guess, parts):  # type: ignore[no-untyped-def]
+def all_found(place, allowance, sizes, classes, width, guess, threads):  # type: ignore[no-untyped-def]
     """Return ``owner`` and ``neighbor`` (P,): all pairs that allowances may bring to touch.
 
     ``place`` (N, 4): x and y within [0, width), z, radius. ``allowance`` (N,), in length. ``guess``:
-    how many pairs there may be. ``parts``: None, or in how many parts to search at once.
+    how many pairs there may be. ``threads``: None, or in how many shares to search at once.
     """
     n = place.shape[0]
     grids = make_grids(place, place[:, 3] + allowance, sizes, classes, width)
@@ -157,14 +163,14 @@ def all_found(place, allowance, sizes, classes, width, guess, parts):  # type: i
         i = items[p]
         sorted_place[p, 0], sorted_place[p, 1], sorted_place[p, 2] = place[i, 0], place[i, 1], place[i, 2]
         sorted_place[p, 3], rank[i] = place[i, 3] + allowance[i], p
-    count = 1 if parts is None else parts
+    count = 1 if threads is None else threads
     found, room = np.zeros(count, np.int64), guess // count + 64
     while True:
         owner, neighbor = np.empty(count * room, np.uint32), np.empty(count * room, np.uint32)
-        if parts is None:
-            found[0] = search(0, n, sorted_place, rank, sizes, grids, width, owner, neighbor, 0, room)
+        if threads is None:
+            search_alone(1, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found)
         else:
-            search_threads(parts, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found)
+            search_shared(count, sorted_place, rank, sizes, grids, width, owner, neighbor, room, found)
         if found.max() <= room:
             break
         room = found.max()
@@ -177,81 +183,88 @@ def all_found(place, allowance, sizes, classes, width, guess, parts):  # type: i
 
 
 @kernel
-def verlet_list(place, allowance, species, kinds, sizes, classes, width, springs, old, parts):  # type: ignore[no-untyped-def]
+def chapter(i, j, n, parts):  # type: ignore[no-untyped-def]
+    """Return the chapter of a pair of ``n`` spheres, of which part p holds those from n p/P on."""
+    p, q = part_of(i, n, parts), part_of(j, n, parts)
+    if p == q:
+        return p
+    if abs(p - q) != 1 and abs(p - q) != parts - 1:
+        return 2 * parts
+    border = min(p, q) if abs(p - q) == 1 else parts - 1
+    return parts + border // 2 + (parts // 2 if border % 2 else 0)
+
+
+@kernel
+def part_of(i, n, parts):  # type: ignore[no-untyped-def]
+    """Return the part of sphere ``i``: the p with n p//P <= i < n (p + 1)//P."""
+    return ((i + 1) * parts - 1) // n
+
+
+@kernel
+def verlet_list(place, allowance, species, kinds, sizes, classes, width, parts, springs, old, threads):  # type: ignore[no-untyped-def]
     """Return the ``PairList`` of a bed, the springs of the ``old`` one carried over.
 
-    ``species`` (N,), of ``kinds`` kinds; ``springs`` of each pair: 1, or 2 with rolling resistance; the
-    others as in ``all_found``.
+    ``species`` (N,), of ``kinds`` kinds; ``parts``: 1, or an even number; ``springs`` of each pair: 1, or 2
+    with rolling resistance; the others as in ``all_found``.
     """
-    owner, neighbor = all_found(place, allowance, sizes, classes, width, old.total[0] + old.total[0] // 8, parts)
-    count = owner.size
-    groups = (count + PAIRS - 1) // PAIRS
+    n, guess = place.shape[0], old.owner.size + old.owner.size // 8
+    owner, neighbor = all_found(place, allowance, sizes, classes, width, guess, threads)
+    which, count = np.empty(owner.size, np.int64), np.zeros(2 * parts + 1, np.int64)
+    for k in range(owner.size):
+        which[k] = chapter(np.int64(owner[k]), np.int64(neighbor[k]), n, parts)
+        count[which[k]] += 1
+    begin = np.zeros(2 * parts + 2, np.int64)
+    for c in range(2 * parts + 1):
+        begin[c + 1] = begin[c] + (count[c] + PAIRS - 1) // PAIRS
+    groups, fill = begin[-1], PAIRS * begin
     first, second, kind = (
-        np.zeros(PAIRS * groups, np.uint32), np.zeros(PAIRS * groups, np.uint32), np.zeros(PAIRS * groups, np.uint32),
+        np.empty(PAIRS * groups, np.uint32), np.empty(PAIRS * groups, np.uint32), np.empty(PAIRS * groups, np.uint32),
     )  # fmt: skip
-    first[:count], second[:count] = owner, neighbor
-    for k in range(count):
-        kind[k] = species[owner[k]] * kinds + species[neighbor[k]]
-    for k in range(count, PAIRS * groups):
-        first[k], second[k], kind[k] = owner[count - 1], neighbor[count - 1], kinds * kinds
-    spring, touched = np.zeros(3 * springs * PAIRS * groups), np.zeros(groups, np.uint8)
-    new = PairList(first, second, kind, spring, touched, np.full(1, count))
-    carry_springs(place.shape[0], springs, old, new)
+    for k in range(owner.size):
+        at = fill[which[k]]
+        first[at], second[at], kind[at] = owner[k], neighbor[k], species[owner[k]] * kinds + species[neighbor[k]]
+        fill[which[k]] += 1
+    for c in range(2 * parts + 1):
+        for at in range(fill[c], PAIRS * begin[c + 1]):
+            first[at], second[at], kind[at] = first[fill[c] - 1], second[fill[c] - 1], kinds * kinds
+    new = PairList(first, second, kind, np.zeros(3 * springs * PAIRS * groups), np.zeros(groups, np.uint8), begin)
+    carry_springs(n, kinds * kinds, springs, old, new)
     return new
 
 
 @kernel
-def carry_springs(spheres, springs, old, new):  # type: ignore[no-untyped-def]
-    """Copy the springs of every pair that both lists hold from ``old`` to ``new``, ``springs`` of each."""
-    start, strained = np.zeros(spheres + 1, np.int64), np.zeros(old.total[0], np.bool_)
+def carry_springs(spheres, fill, springs, old, new):  # type: ignore[no-untyped-def]
+    """Copy the springs of every pair that both lists hold from ``old`` to ``new``, ``springs`` of each.
+
+    ``fill``: the kind of pairs that only fill a group up.
+    """
+    start, strained = np.zeros(spheres + 1, np.int64), np.zeros(old.owner.size, np.bool_)
     size, new_size = 3 * PAIRS * old.touched.size, 3 * PAIRS * new.touched.size
-    for k in range(old.total[0]):
-        s = 3 * PAIRS * (k // PAIRS) + k % PAIRS
-        for axis in range(0, 3 * PAIRS, PAIRS):
-            for which in range(springs):
-                strained[k] |= old.spring[which * size + s + axis] != 0.0
-        start[old.owner[k] + 1] += strained[k]
+    for g in range(old.touched.size):
+        if old.touched[g]:
+            for k in range(PAIRS * g, PAIRS * g + PAIRS):
+                s = 3 * PAIRS * g + k % PAIRS
+                for axis in range(0, 3 * PAIRS, PAIRS):
+                    for which in range(springs):
+                        strained[k] |= old.spring[which * size + s + axis] != 0.0
+                start[old.owner[k] + 1] += strained[k]
     for i in range(spheres):
         start[i + 1] += start[i]
-    held, fill = np.empty(start[spheres], np.int64), start[:-1].copy()
-    for k in range(old.total[0]):
+    held, end = np.empty(start[spheres], np.int64), start[:-1].copy()
+    for k in range(old.owner.size):
         if strained[k]:
-            held[fill[old.owner[k]]] = k
-            fill[old.owner[k]] += 1
-    for k in range(new.total[0]):
+            held[end[old.owner[k]]] = k
+            end[old.owner[k]] += 1
+    for k in range(new.owner.size):
         for h in range(start[new.owner[k]], start[new.owner[k] + 1]):
             m = held[h]
-            if old.neighbor[m] == new.neighbor[k]:
+            if old.neighbor[m] == new.neighbor[k] and new.kind[k] != fill:
                 a, b = 3 * PAIRS * (m // PAIRS) + m % PAIRS, 3 * PAIRS * (k // PAIRS) + k % PAIRS
                 for axis in range(0, 3 * PAIRS, PAIRS):
                     for which in range(springs):
                         new.spring[which * new_size + b + axis] = old.spring[which * size + a + axis]
                 new.touched[k // PAIRS] = 1
                 break
-
-
-@kernel
-def incidence(spheres, pairs):  # type: ignore[no-untyped-def]
-    """Return ``first`` (N + 1,) and ``entry``: which pairs each sphere has, from ``first[i]`` on.
-
-    They stand in the order in which ``contact.add_pair_loads`` comes to them: group by group, as owner
-    before as neighbor. An entry is twice the pair's number, plus one where the sphere is the neighbor.
-    """
-    first, entry = np.zeros(spheres + 1, np.int64), np.empty(2 * pairs.owner.size, np.uint32)
-    for k in range(pairs.owner.size):
-        first[pairs.owner[k] + 1] += 1
-        first[pairs.neighbor[k] + 1] += 1
-    for i in range(spheres):
-        first[i + 1] += first[i]
-    fill = first[:-1].copy()
-    for g in range(pairs.touched.size):
-        for k in range(PAIRS * g, PAIRS * g + PAIRS):
-            entry[fill[pairs.owner[k]]] = 2 * k
-            fill[pairs.owner[k]] += 1
-        for k in range(PAIRS * g, PAIRS * g + PAIRS):
-            entry[fill[pairs.neighbor[k]]] = 2 * k + 1
-            fill[pairs.neighbor[k]] += 1
-    return first, entry
 
 
 def all_pairs(place: np.ndarray, allowance: np.ndarray, width: float) -> set[tuple[int, int]]:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numba
 import numpy as np
+from numba import prange
 
 from pdlab.dem import contact, integrator, measures, neighbors, walls
-from pdlab.dem.bed import Setup, Stage, State, pour, start
-from pdlab.dem.jit import kernel
+from pdlab.dem.bed import Setup, Stage, State, in_order, pour, start
+from pdlab.dem.jit import alone_and_shared, kernel
 from pdlab.errors import InputError, NotAtRest, RunDiverged
 
 CREEP_OVER, CREEP_PD, CREEP_ENERGY = 20.0, 2e-4, 1e-4
@@ -20,6 +21,8 @@ PATIENCE = 40.0
 """Fall times of the whole cloud after which a bed that still moves is given up."""
 SKIN, LOOKAHEAD = 0.025, 20.0
 """A list's allowance: a share of the smallest diameter, and so many steps at the present speed."""
+SORT_EVERY = 4
+"""Looks from one sorting of the spheres by place to the next: order in memory is lost while they fall."""
 
 SETTLING = 10.0
 """Time in which a compacted bed settles, for the progress shown and nothing else."""
@@ -47,6 +50,8 @@ def advance(setup: Setup, state: State | None, steps: int, threads: int = 1) -> 
         state = march(setup, state, min(end, over, (state.steps // check + 1) * check) - state.steps, threads)
         if state.steps % check == 0:
             state = look(setup, state)
+            if state.steps % (SORT_EVERY * check) == 0:
+                state = in_order(setup, state)
         if state.steps == over:
             state = next_stage(setup, state)
     return state
@@ -128,7 +133,7 @@ def march(setup: Setup, state: State, steps: int, threads: int = 1) -> State:
     )  # fmt: skip
 
 
-def _call(setup: Setup, stage: Stage, state: State, steps: int, parts: int | None) -> tuple:  # type: ignore[type-arg]
+def _call(setup: Setup, stage: Stage, state: State, steps: int, threads: int | None) -> tuple:  # type: ignore[type-arg]
     classes = neighbors.size_classes(0.5 * setup.diameter)
     between, at_walls = setup.laws
     kinds = setup.diameter.size
@@ -141,10 +146,10 @@ def _call(setup: Setup, stage: Stage, state: State, steps: int, parts: int | Non
             state.steps - state.stage_began, stage.damping,
             stage.damping if setup.moment_damping else 0.0, setup.box, setup.wall_radius, law, at_walls, setup.body,
             state.species, kinds, classes[state.species], int(classes.max()) + 1, SKIN * float(setup.diameter.min()),
-            state.place.copy(), state.motion.copy(), state.load.copy(), state.origin.copy(),
+            setup.parts, state.place, state.motion, state.load, state.origin,
             pairs._replace(spring=pairs.spring.copy(), touched=pairs.touched.copy()),
             near._replace(spring=near.spring.copy()), state.stale,
-            None if setup.rolling is None else True, parts,
+            None if setup.rolling is None else True, threads,
         )
     )  # fmt: skip
 
@@ -152,23 +157,21 @@ def _call(setup: Setup, stage: Stage, state: State, steps: int, parts: int | Non
 @kernel
 def _march(  # type: ignore[no-untyped-def]
     steps, dt, gravity, swing, turn, begun, alpha, beta, width, radius, law, wall_law, body, species, kinds, sizes,
-    classes, skin, place, motion, load, origin, pairs, near, stale, rolling, parts,
+    classes, skin, parts, place, motion, load, origin, pairs, near, stale, rolling, threads,
 ):  # fmt: skip
     """Run the time loop; return what changed, whether the list is stale, and a lost sphere or -1.
 
     ``swing``, ``turn``, ``begun``: gravity's factor is 1 + swing sin(turn (begun + k)) at step k.
     ``alpha``, ``beta``: local damping of forces and of moments. ``rolling``: None where nothing resists
-    rolling. ``parts``: None, or the threads that share a step.
+    rolling. ``parts``: of the bed; those and the borders between them may be worked on at once.
+    ``threads``: None, or how many do.
     """
-    n = place.shape[0]
-    flat_place, flat_motion, flat_load, flat_origin = (
-        place.reshape(-1), motion.reshape(-1), load.reshape(-1), origin.reshape(-1),
+    n, springs = place.shape[0], 1 if rolling is None else 2
+    place, motion, load, origin = place.copy(), motion.copy(), load.copy(), origin.copy()
+    flat_place, flat_motion, flat_load, flat_origin, flat_law = (
+        place.reshape(-1), motion.reshape(-1), load.reshape(-1), origin.reshape(-1), law.reshape(-1),
     )  # fmt: skip
-    flat_law, springs = law.reshape(-1), 1 if rolling is None else 2
-    if parts is not None:
-        late = np.zeros(parts, np.bool_)
-        first, entry = neighbors.incidence(n, pairs)
-        pair_loads = np.zeros(12 * pairs.owner.size)
+    late = np.zeros(parts, np.bool_)
     for step in range(steps):
         if stale:
             lost = lost_sphere(place, width, radius)
@@ -182,28 +185,62 @@ def _march(  # type: ignore[no-untyped-def]
                 origin[i] = place[i]
                 origin[i, 3] -= allowance[i]
             pairs = neighbors.verlet_list(
-                place, allowance, species, kinds, sizes, classes, width, springs, pairs, parts
+                place, allowance, species, kinds, sizes, classes, width, parts, springs, pairs, threads
             )
             near = walls.wall_list(place, allowance, width, radius, near)
-            if parts is not None:
-                first, entry = neighbors.incidence(n, pairs)
-                pair_loads = np.zeros(12 * pairs.owner.size)
         factor = 1.0 + swing * math.sin(turn * (begun + step))
         gx, gy, gz = factor * gravity[0], factor * gravity[1], factor * gravity[2]
-        if parts is None:
-            integrator.start_loads(flat_place, flat_motion, species, wall_law, near, width, radius, dt, flat_load)
-            contact.add_pair_loads(flat_place, flat_motion, flat_law, width, pairs, rolling, dt, flat_load)
-            stale = integrator.move(
-                flat_place, flat_motion, species, body, flat_load, gx, gy, gz, alpha, beta, dt, flat_origin
-            )
-        else:
-            contact.store_pair_loads(flat_place, flat_motion, flat_law, width, pairs, rolling, dt, parts, pair_loads)
-            integrator.gather_and_move(
-                flat_place, flat_motion, species, body, wall_law, near, width, radius, first, entry, pair_loads,
-                gx, gy, gz, alpha, beta, dt, flat_origin, parts, flat_load, late,
+        if threads is None:
+            step_alone(
+                parts, flat_place, flat_motion, species, body, flat_law, wall_law, width, radius, pairs, near, rolling,
+                gx, gy, gz, alpha, beta, dt, flat_origin, flat_load, late,
             )  # fmt: skip
-            stale = late.any()
+        else:
+            step_shared(
+                parts, flat_place, flat_motion, species, body, flat_law, wall_law, width, radius, pairs, near, rolling,
+                gx, gy, gz, alpha, beta, dt, flat_origin, flat_load, late,
+            )  # fmt: skip
+        stale = late.any()
     return place, motion, load, origin, pairs, near, stale, -1
+
+
+def _one_step(  # type: ignore[no-untyped-def]
+    parts, place, motion, species, body, law, wall_law, width, radius, pairs, near, rolling,
+    gx, gy, gz, alpha, beta, dt, origin, load, late,
+):  # fmt: skip
+    """Take one step; ``late`` (parts,): whose spheres went farther than the list allows. Arrays flat.
+
+    Parts share no sphere, nor do the borders of one chapter; what is left comes last. So the order in which
+    a sphere's loads are added up does not depend on who works on what.
+    """
+    n = species.size
+    for part in prange(parts):
+        integrator.wall_loads(
+            n * part // parts, n * (part + 1) // parts, place, motion, species, wall_law, near, width, radius, dt, load
+        )
+        contact.add_pair_loads(
+            pairs.begin[part], pairs.begin[part + 1], place, motion, law, width, pairs, rolling, dt, load
+        )
+    for border in prange(parts, parts + parts // 2):
+        contact.add_pair_loads(
+            pairs.begin[border], pairs.begin[border + 1], place, motion, law, width, pairs, rolling, dt, load
+        )
+    for border in prange(parts + parts // 2, 2 * parts):
+        contact.add_pair_loads(
+            pairs.begin[border], pairs.begin[border + 1], place, motion, law, width, pairs, rolling, dt, load
+        )
+    contact.add_pair_loads(
+        pairs.begin[2 * parts], pairs.begin[2 * parts + 1], place, motion, law, width, pairs, rolling, dt, load
+    )
+    for part in prange(parts):
+        late[part] = integrator.move(
+            n * part // parts, n * (part + 1) // parts, place, motion, species, body, load, gx, gy, gz, alpha, beta,
+            dt, origin,
+        )  # fmt: skip
+
+
+step_alone, step_shared = alone_and_shared(_one_step)
+"""The same step on one thread and on several."""
 
 
 @kernel

@@ -131,9 +131,8 @@ def energy(setup: Setup, state: State) -> float:
     pressed = np.maximum(state.place[:, 3] - state.place[:, 2], 0.0)
     total += 0.5 * float((floor[state.species, contact.KN] * pressed**2).sum())
     # a tangential spring holds its force F, and so the energy F²/(2 k_t)
-    count = int(state.pairs.total[0])
-    slip = state.pairs.spring.reshape(-1, 3, 8).transpose(0, 2, 1).reshape(-1, 3)[:count]
-    kn = pair[state.species[state.pairs.owner[:count]], state.species[state.pairs.neighbor[:count]], contact.KN]
+    slip = state.pairs.spring.reshape(-1, 3, 8).transpose(0, 2, 1).reshape(-1, 3)
+    kn = pair[state.species[state.pairs.owner], state.species[state.pairs.neighbor], contact.KN]
     total += 0.5 * float(((slip**2).sum(1) / (contact.TANGENTIAL_STIFFNESS * kn)).sum())
     kn = np.repeat(floor[state.species, contact.KN], np.diff(state.near.first))
     return total + 0.5 * float(((state.near.spring**2).sum(1) / (contact.TANGENTIAL_STIFFNESS * kn)).sum())

@@ -43,6 +43,7 @@ VARIED: dict[str, list[tuple[str, str, tuple[float, ...]]]] = {
         ("loose", "nominal_overlap", (0.0005, 0.001, 0.002, 0.004)),
         ("loose", "steps_per_collision", (8.0, 10.0, 20.0, 40.0)),
         ("loose", "wall_friction", (0.1, 0.3, 1.0)),
+        ("loose", "moment_damping", (False, True)),
     ],
     "Rodded": [
         ("rodded", "drops", (0, 5, 10, 25)),
