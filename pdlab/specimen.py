@@ -73,9 +73,9 @@ class Protocol:
     ``local_damping``: PFC3D's α while spheres are poured and settle, on moments too with
     ``moment_damping``; compaction goes without.
     ``restitution`` of a bounce. ``nominal_overlap``: the bed's weight on its floor over the contact
-    modulus. ``cloud_fraction``: solid fraction of the cloud that falls. ``steps_per_collision``: time
-    steps in the shortest collision. ``wall_friction``: None for the smallest friction present. Raises
-    ProtocolError.
+    modulus, which grows with the size ratio beyond 1.5. ``cloud_fraction``: solid fraction of the cloud that
+    falls. ``steps_per_collision``: time steps in the shortest collision. ``wall_friction``: None for the smallest
+    friction present. Raises ProtocolError.
     """
 
     compaction: str = "loose"

@@ -17,6 +17,8 @@ CHECK_EVERY = 0.5
 SLICE, NARROWEST_PART = 8.0, 2.5
 """Width of a slice of the bed whose spheres follow each other in memory, in diameters of the mean sphere
 volume, and the least of a part, in largest diameters: pairs reach no farther than the next part."""
+SOFT_RATIO = 1.5
+"""Size ratio beyond which contacts are made stiffer."""
 MARGIN = 3.0
 """Free width of the box that a cylinder stands in, in largest diameters."""
 
@@ -48,7 +50,7 @@ class Setup:
     ``rolling``: rolling friction coefficients, shape (S,), None for no rolling resistance. ``width``: of
     the periodic box, or inner diameter of the ``cylinder``. ``local_damping``: PFC3D's α, on
     moments too with ``moment_damping``. ``nominal_overlap``: weight of all spheres on the floor over the
-    contact modulus.
+    contact modulus, which is higher for size ratios above 1.5.
 
     The spheres fall in ``layers`` layers. After each the container is lifted ``drop_height`` and dropped
     ``drops`` times, with ``drop_pause`` between; after the last it is shaken for ``shake_periods`` at a
@@ -109,8 +111,12 @@ class Setup:
 
     @cached_property
     def modulus(self) -> float:
-        """Contact modulus E, force per area, at which the bed's weight gives the nominal overlap."""
-        return float((self.count * self.mass).sum() / self.area / self.nominal_overlap)
+        """Contact modulus E, force per area, at which the bed's weight gives the nominal overlap.
+
+        Fine spheres bear what coarse ones weigh: beyond a size ratio of 1.5, E grows with the ratio.
+        """
+        ratio = float(self.diameter.max() / self.diameter.min())
+        return float((self.count * self.mass).sum() / self.area / self.nominal_overlap) * max(1.0, ratio / SOFT_RATIO)
 
     @cached_property
     def zeta(self) -> float:

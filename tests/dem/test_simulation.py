@@ -100,6 +100,15 @@ def test_a_cloud_has_its_fraction_and_no_overlap(k: int) -> None:
     assert (place[:, 2] <= setup.cloud_height - place[:, 3]).all()
 
 
+def test_contacts_are_stiffer_in_proportion_to_the_size_ratio_beyond_one_and_a_half() -> None:
+    pair = replace(small(), density=np.ones(2), friction=np.full(2, 0.3), count=np.array([10, 100]))
+    weights = {}
+    for ratio in (1.2, 1.5, 3.0, 6.0):
+        setup = replace(pair, diameter=np.array([1.0, 1.0 / ratio]))
+        weights[ratio] = setup.modulus * setup.nominal_overlap * setup.area / float((setup.count * setup.mass).sum())
+    assert list(weights.values()) == pytest.approx([1.0, 1.0, 2.0, 4.0])
+
+
 def test_a_cloud_without_room_is_a_named_error() -> None:
     with pytest.raises(RunDiverged, match=r"found no place .* choose a smaller cloud fraction"):
         bed.start(small(cloud_fraction=0.6))
