@@ -10,7 +10,7 @@ from pdlab.dem.neighbors import no_pairs
 from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import Component, Protocol, Species, Specimen, in_cylinder
 
-MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 1)
+MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 2)
 
 
 @pytest.fixture(scope="module")
