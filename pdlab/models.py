@@ -16,7 +16,7 @@ from sqlalchemy import (
     TypeDecorator,
     UniqueConstraint,
 )
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
+from sqlalchemy.orm import DeclarativeBase, Mapped, declared_attr, mapped_column, relationship
 
 NAMING = {
     "ix": "ix_%(table_name)s_%(column_0_N_name)s",
@@ -25,6 +25,7 @@ NAMING = {
     "fk": "fk_%(table_name)s_%(column_0_N_name)s_%(referred_table_name)s",
     "pk": "pk_%(table_name)s",
 }
+CORRECTABLE = ("aggregate", "sieve_analysis", "sieve_result", "packing_test", "mixture", "mixture_component")
 STATES = ("queued", "running", "done", "failed", "cancelled")
 
 
@@ -72,7 +73,17 @@ def _exactly_one(*columns: str) -> CheckConstraint:
     return CheckConstraint(f"{count} = 1", name="one_value")
 
 
-class Aggregate(Base):
+class Edited:
+    """A row that people edit: whoever writes over what another has changed since is told (StaleDataError)."""
+
+    version: Mapped[int] = mapped_column(server_default="1")
+
+    @declared_attr.directive
+    def __mapper_args__(cls) -> dict[str, Any]:  # noqa: N805
+        return {"version_id_col": cls.version}
+
+
+class Aggregate(Edited, Base):
     """A delivery of an aggregate; the newest delivery of a name is the current one."""
 
     __tablename__ = "aggregate"
@@ -101,7 +112,7 @@ class Aggregate(Base):
     packing_tests: Mapped[list["PackingTest"]] = relationship(back_populates="aggregate", order_by="PackingTest.id")
 
 
-class SieveAnalysis(Base):
+class SieveAnalysis(Edited, Base):
     """One sieve test of an aggregate; the newest is the current one."""
 
     __tablename__ = "sieve_analysis"
@@ -145,7 +156,7 @@ class SieveResult(Base):
     raw_text: Mapped[str]
 
 
-class Mixture(Base):
+class Mixture(Edited, Base):
     """A mixture of aggregates."""
 
     __tablename__ = "mixture"
@@ -175,7 +186,7 @@ class MixtureComponent(Base):
     aggregate: Mapped[Aggregate] = relationship()
 
 
-class PackingTest(Base):
+class PackingTest(Edited, Base):
     """A density test of an aggregate or a mixture; the newest is the current one."""
 
     __tablename__ = "packing_test"
@@ -329,6 +340,7 @@ class Prediction(Wish, Base):
         CheckConstraint("state <> 'done' OR packing_density IS NOT NULL", name="done_has_result"),
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
         Index(None, "mixture_id"),
+        Index(None, "mixture_id", "requested_at"),
         Index(None, "state"),
     )
     id: Mapped[int] = mapped_column(primary_key=True)
@@ -362,3 +374,26 @@ class PredictionCalibration(Base):
     prediction_id: Mapped[int] = mapped_column(ForeignKey("prediction.id"), primary_key=True)
     calibration_id: Mapped[int] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     calibration: Mapped[Calibration] = relationship()
+
+
+class Correction(Base):
+    """A typing error corrected: what a row's column held before and after, who changed it and when.
+
+    ``row_key``: the row's primary key, its parts joined by a slash.
+    """
+
+    __tablename__ = "correction"
+    __table_args__ = (
+        _one_of("table_name", CORRECTABLE),
+        CheckConstraint("corrected_by <> ''", name="corrected_by"),
+        Index(None, "table_name", "row_key"),
+    )
+    id: Mapped[int] = mapped_column(primary_key=True)
+    table_name: Mapped[str] = mapped_column(String(32))
+    row_key: Mapped[str]
+    column_name: Mapped[str] = mapped_column(String(32))
+    old_value: Mapped[str | None]
+    new_value: Mapped[str | None]
+    corrected_by: Mapped[str]
+    reason: Mapped[str | None]
+    corrected_at: Mapped[dt.datetime] = mapped_column(default=now)

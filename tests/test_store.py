@@ -8,10 +8,9 @@ import sqlalchemy as sa
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 
-from pdlab import store as store_module
 from pdlab.errors import StoreError
 from pdlab.models import Aggregate, Base, Run, RunState, SieveAnalysis, SieveResult
-from pdlab.store import Store, open_store, store_url, upgrade
+from pdlab.store import Store, find_aggregate, open_store, opening, store_url, upgrade
 
 
 def test_a_missing_file_is_made_by_the_migrations_and_said(tmp_path: Path) -> None:
@@ -76,7 +75,7 @@ def test_a_store_of_another_revision_says_what_to_do(
         connection.execute("UPDATE alembic_version SET version_num = ?", (revision,))
     connection.close()
     if revision == "0000":
-        monkeypatch.setattr(store_module, "_known_revisions", lambda: {"0000", "0001"})
+        monkeypatch.setattr(opening, "_known_revisions", lambda: {"0000", "0001"})
     with pytest.raises(StoreError, match=message):
         open_store(str(path))
     if revision == "9999":
@@ -149,11 +148,11 @@ def test_a_block_that_fails_keeps_nothing(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError):
         fail()
     with opened.read() as session:
-        assert store_module.find_aggregate(session, "A", "") is None
+        assert find_aggregate(session, "A", "") is None
 
 
 def test_a_store_locked_by_another_writer_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store_module, "LOCK_TIMEOUT", 0.1)
+    monkeypatch.setattr(opening, "LOCK_TIMEOUT", 0.1)
     opened = open_store(str(tmp_path / "lab.db"))
     with sqlite3.connect(tmp_path / "lab.db", isolation_level=None) as other:
         other.execute("BEGIN IMMEDIATE")

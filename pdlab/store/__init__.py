@@ -1,0 +1,41 @@
+"""The store: databases, transactions and the only SELECTs."""
+
+from pdlab.store.opening import Store, migrate, open_store, store_url, upgrade
+from pdlab.store.selects import (
+    add_all,
+    aggregates,
+    aggregates_by_id,
+    calibrations,
+    deliveries,
+    done_runs,
+    find_aggregate,
+    find_bed,
+    find_mixture,
+    mixtures,
+    newest_test,
+    predictions,
+    runs,
+    save_run,
+)
+
+__all__ = [
+    "Store",
+    "add_all",
+    "aggregates",
+    "aggregates_by_id",
+    "calibrations",
+    "deliveries",
+    "done_runs",
+    "find_aggregate",
+    "find_bed",
+    "find_mixture",
+    "migrate",
+    "mixtures",
+    "newest_test",
+    "open_store",
+    "predictions",
+    "runs",
+    "save_run",
+    "store_url",
+    "upgrade",
+]
