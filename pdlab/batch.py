@@ -50,10 +50,10 @@ class Progress:
 Advanced = tuple[packing.State, packing.Progress, float]
 
 
-def advance(specimen: Specimen, state: packing.State | None, steps: int) -> Advanced:
+def advance(specimen: Specimen, state: packing.State | None, steps: int, threads: int = 1) -> Advanced:
     """Advance a bed in a worker; return it, how far it is, and the seconds that took. Workers know no database."""
     begun = time.perf_counter()
-    state = packing.advance(specimen, state, steps)
+    state = packing.advance(specimen, state, steps, threads)
     return state, packing.progress(specimen, state), time.perf_counter() - begun
 
 
@@ -102,7 +102,7 @@ def cores() -> int:
 
 @dataclass
 class Runner:
-    """Runs specimens on ``workers`` processes for one store; callable as ``run_all``.
+    """Runs specimens on ``workers`` processes of ``threads`` threads each for one store; callable as ``run_all``.
 
     ``on_progress`` is called at the beginning and after every chunk. ``simulated`` and ``read`` count over
     all calls. The processes live from the first run that is needed to ``close``.
@@ -112,6 +112,7 @@ class Runner:
     workers: int = field(default_factory=cores)
     on_progress: Callable[[Progress], None] | None = None
     make_pool: Callable[[int], Executor] = spawn_pool
+    threads: int = 1
     simulated: int = 0
     read: int = 0
     _pool: Executor | None = None
@@ -169,7 +170,7 @@ class Runner:
     def _submit(self, job: _Job) -> Future[Advanced]:
         if self._pool is None:
             self._pool = self.make_pool(self.workers)
-        return self._pool.submit(advance, job.specimen, job.state, job.steps)
+        return self._pool.submit(advance, job.specimen, job.state, job.steps, self.threads)
 
     def _take(self, job: _Job, future: Future[Advanced], done: dict[str, Packing | EngineError]) -> list[_Job]:
         """Take a chunk's result: keep the run when it has ended, else return it to be carried on."""

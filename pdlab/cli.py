@@ -33,6 +33,7 @@ Store = Annotated[
 ]
 Rule = Annotated[str, typer.Option(help="Rule for the equivalent diameter.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
+Threads = Annotated[int, typer.Option(min=1, help="Threads that share one large bed.")]
 PREDICTION = (
     "predicted", "standard_error", "input_error", "expected_error", "measured", "difference", "volume_mean",
 )  # fmt: skip
@@ -70,7 +71,7 @@ def _options(
 
 
 @contextmanager
-def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
+def _lab(store: str | None, workers: int | None = None, threads: int = 1) -> Iterator["Lab"]:
     """Open the store, say when it is made, and show a bar while beds are simulated."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -97,7 +98,7 @@ def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
             bar.stop()
             bar.reset(task, visible=False)
 
-    with Lab(store, workers, show) as lab:
+    with Lab(store, workers, show, threads) as lab:
         if lab.store.created:
             print(f"made a new store: {lab.store.url}")
         try:
@@ -236,9 +237,10 @@ def calibrate(
     seeds: Annotated[int, typer.Option(min=2, help="Beds at each node of the curve.")] = 4,
     store: Store = None,
     workers: Workers = None,
+    threads: Threads = 1,
 ) -> None:
     """Find each aggregate's friction coefficient: the one whose simulated PD is the measured PD."""
-    with _lab(store, workers) as lab:
+    with _lab(store, workers, threads) as lab:
         _show_calibrations(reports := lab.calibrate(aggregates or (), rule, seeds))
         _raise_failures(reports)
 
@@ -263,6 +265,7 @@ def predict(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write the table as CSV.")] = None,
     store: Store = None,
     workers: Workers = None,
+    threads: Threads = 1,
 ) -> None:
     """Simulate mixtures and set their packing density beside the measured one."""
     from pdlab.lab import prediction_frame
@@ -271,7 +274,7 @@ def predict(
         raise InputError(f"'{method}' is no method of this version; use monosized")
     if output is not None:
         _check_writable(output)
-    with _lab(store, workers) as lab:
+    with _lab(store, workers, threads) as lab:
         reports = lab.predict_reports(mixtures or (), rule, seeds)
         _show_predictions(reports)
         if output is not None:

@@ -37,7 +37,7 @@ def threads(workers: int) -> ThreadPoolExecutor:
 
 def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(target: Store, tmp_path: Path) -> None:
     shown: list[Progress] = []
-    runner = Runner(target, 2, shown.append)
+    runner = Runner(target, 2, shown.append, threads=min(2, batch.cores()))
     out = runner([*TRIO, TRIO[0]])
     assert runner.simulated == 3
     assert out[0] == out[3]
@@ -83,7 +83,7 @@ def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
 ) -> None:
     real = packing.advance
 
-    def advance(specimen: Specimen, state: packing.State | None, steps: int) -> packing.State:
+    def advance(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> packing.State:
         if specimen.seed == 2 and state is not None:
             raise NotAtRest("the bed still moves")
         return real(specimen, state, steps)
@@ -138,7 +138,7 @@ def test_progress_tells_steps_energy_balance_and_rises(target: Store, monkeypatc
     assert shares[-1] == 1.0
 
 
-def dies_once(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:
+def dies_once(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> batch.Advanced:
     """Kill the first worker process that works on seed 2."""
     mark = Path(os.environ["PDLAB_TEST_MARK"])
     if specimen.seed == 2 and not mark.exists():
@@ -150,7 +150,7 @@ def dies_once(specimen: Specimen, state: packing.State | None, steps: int) -> ba
 batch_advance = batch.advance
 
 
-def dies(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:
+def dies(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> batch.Advanced:
     """Kill the worker process."""
     os._exit(9)
 

@@ -71,6 +71,7 @@ def test_what_the_user_can_mend_ends_with_exit_code_2_and_one_sentence(tmp_path:
     refused(pdlab("predict", "gravel", folder=tmp_path), "the store holds no mixture named 'gravel'")
     refused(pdlab("calibrate", "--rule", "mean", folder=tmp_path), "'mean' is no diameter rule")
     refused(pdlab("predict", "--method", "magic", folder=tmp_path), "'magic' is no method")
+    refused(pdlab("predict", "--threads", "999", folder=tmp_path), "999 threads lie outside [1, ")
     refused(pdlab("predict", "-o", "gone/out.csv", folder=tmp_path), "cannot be written")
     refused(pdlab("ls", "stones", folder=tmp_path), "'stones' cannot be listed")
     refused(pdlab("import", "gone", folder=tmp_path), "no such file or folder")

@@ -44,7 +44,7 @@ class InlinePool(Executor):
         return future
 
 
-def at_rest(specimen: Specimen, state: object, steps: int) -> batch.Advanced:
+def at_rest(specimen: Specimen, state: object, steps: int, threads: int) -> batch.Advanced:
     """Stands for the engine: a bed that rests at once."""
     state = replace(bed.rest_free(np.full((4, 4), 0.5), np.zeros(4)), rest="still")
     return state, packing.Progress(steps, 1.0, 0.0, 0.0), 0.0
