@@ -17,7 +17,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from pdlab.errors import StoreError
-from pdlab.store.databases import LOCK_TIMEOUT, connected, is_sqlite, parse, refusal, shown, store_url
+from pdlab.store.databases import LOCK_TIMEOUT, connected, is_sqlite, parse, reason, refusal, shown, store_url
 from pdlab.store.revisions import check_revision, migrate, revision_of, stamped
 
 BATCH = 100
@@ -124,10 +124,9 @@ def _copy(source: sa.URL, target: sa.URL, revision: str) -> list[TableCopy]:
             try:
                 sent = _send(reading, origin, writing, place)
             except (sa.exc.DBAPIError, ValueError) as error:
-                reason = " ".join(str(getattr(error, "orig", error)).split())
                 raise StoreError(
-                    f"table {place.name} cannot be copied to {shown(target)} ({reason}); make room there, or correct "
-                    "the row in the source"
+                    f"table {place.name} cannot be copied to {shown(target)} ({reason(error)}); make room there, or "
+                    "correct the row in the source"
                 ) from error
             if sent != (kept := checksum(writing, place)):
                 raise StoreError(

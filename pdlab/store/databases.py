@@ -199,7 +199,7 @@ def named_errors(name: str) -> Iterator[None]:
     except sa.exc.DBAPIError as error:
         if not _is_state_of_the_database(error):
             raise
-        raise refusal(name, error.orig) from error
+        raise refusal(name, error) from error
 
 
 def _is_state_of_the_database(error: sa.exc.DBAPIError) -> bool:
@@ -209,11 +209,19 @@ def _is_state_of_the_database(error: sa.exc.DBAPIError) -> bool:
     return isinstance(error, sa.exc.OperationalError | sa.exc.InternalError) or type(error) is sa.exc.DatabaseError
 
 
+def reason(error: BaseException | None) -> str:
+    """Return what a driver says, on one line and without the statement."""
+    return " ".join(str(getattr(error, "orig", None) or error).split())
+
+
+def remedy(error: BaseException | None) -> str | None:
+    """Return what to do about a driver's error; None for one that is not of the place and the moment."""
+    return next((text for pattern, text in REMEDIES if re.search(pattern, reason(error))), None)
+
+
 def refusal(name: str, error: BaseException | None) -> StoreError:
     """Return a driver's error as one sentence about the store of this name, with what to do."""
-    reason = " ".join(str(error).split())
-    advice = "end what else uses it, allow reading and writing it, or choose another --store"
-    remedy = next((text for pattern, text in REMEDIES if re.search(pattern, reason)), advice)
-    if "file is not a database" in reason:
-        return StoreError(f"{name} is no pdlab store ({reason}); {remedy}")
-    return StoreError(f"the store {name} cannot be used ({reason}); {remedy}")
+    advice = remedy(error) or "end what else uses it, allow reading and writing it, or choose another --store"
+    if "file is not a database" in reason(error):
+        return StoreError(f"{name} is no pdlab store ({reason(error)}); {advice}")
+    return StoreError(f"the store {name} cannot be used ({reason(error)}); {advice}")

@@ -13,7 +13,18 @@ from sqlalchemy.orm import Session
 
 from pdlab.errors import MigrationFailed
 from pdlab.store.copying import write_backup
-from pdlab.store.databases import connected, engine, in_memory, is_sqlite, named_errors, parse, shown, store_url
+from pdlab.store.databases import (
+    connected,
+    engine,
+    in_memory,
+    is_sqlite,
+    named_errors,
+    parse,
+    reason,
+    remedy,
+    shown,
+    store_url,
+)
 from pdlab.store.revisions import check_revision, head, migrate, revision_of
 
 
@@ -106,12 +117,13 @@ def _upgrade(url: sa.URL, before: str | None) -> Path | None:
             write_backup(url, before, kept)
         try:
             migrate(connection)
-        except sa.exc.OperationalError:
-            raise
         except Exception as error:
+            if isinstance(error, sa.exc.DBAPIError) and remedy(error):
+                raise
+            as_before = "the store is as it was" + (f" and as in the backup {kept}" if kept else "")
             raise MigrationFailed(
-                f"the migration of {shown(url)} from revision {before or 'none'} to {head()} failed ({error}) and was "
-                f"undone, so the store is as it was{f' and as in the backup {kept}' if kept else ''}; report this"
+                f"the migration of {shown(url)} from revision {before or 'none'} to {head()} failed ({reason(error)}) "
+                f"and was undone, so {as_before}; report this"
             ) from error
     return kept
 
