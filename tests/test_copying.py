@@ -64,7 +64,7 @@ def test_a_store_goes_to_postgresql_and_back_with_equal_checksums(
     assert {table.name: table.rows for table in there}["run"] == 250
     store = open_store(middle)
     with store.write() as session:  # the key after the last, in the copied tables and in the empty ones
-        session.add_all([Aggregate(name="new", delivery=""), Mixture(name="first")])
+        session.add_all([Aggregate(name="new", delivery="", wall_angle_deg=-0.0), Mixture(name="first")])
         session.flush()
         assert session.scalars(sa.select(sa.func.max(Aggregate.id))).one() == 5
         assert session.scalars(sa.select(Mixture.id)).one() == 1
@@ -75,6 +75,7 @@ def test_a_store_goes_to_postgresql_and_back_with_equal_checksums(
         assert moment == dt.datetime(2026, 2, 28, 18, 59, 59, 1, tzinfo=dt.UTC)
         assert session.get_one(RunState, f"{0:064x}").archive == bytes(range(256)) * 100
     store.close()
+    assert copy(middle, tmp_path / "third.db") == sums(middle)  # SQLite keeps no negative zero
 
 
 def test_a_checksum_tells_rows_apart_that_differ_in_one_value(tmp_path: Path) -> None:

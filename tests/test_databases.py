@@ -65,7 +65,7 @@ def test_no_verb_prints_or_logs_the_password(
     url = plain(locked)
     with without_a_password(capsys, caplog):
         assert run(monkeypatch, "ls", "--store", url) == 0
-        assert run(monkeypatch, "ls", "--store", url.replace(f":{CANARY}", "") + f"&password={CANARY}") == 0
+        assert run(monkeypatch, "db", "upgrade", "--store", url.replace(f":{CANARY}", "") + f"&password={CANARY}") == 0
         assert run(monkeypatch, "db", "upgrade", "--store", url) == 0
         assert run(monkeypatch, "db", "backup", "kept.db", "--store", url) == 0
         assert run(monkeypatch, "db", "copy", "kept.db", url) == 0

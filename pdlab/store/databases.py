@@ -69,9 +69,6 @@ def parse(url: str) -> sa.URL:
         raise StoreError(f"{scheme} has more than one '@'; write one that belongs to the password as %40")
     if backend not in ("sqlite", "postgresql") or parsed.drivername not in (backend, f"{backend}+{_driver(backend)}"):
         raise StoreError(f"'{parsed.drivername}' stores cannot be opened by this version; {advice}")
-    secret = parsed.query.get("password")
-    if isinstance(secret, str):  # libpq takes it there too; SQLAlchemy hides it only in its own place
-        parsed = parsed.difference_update_query(["password"]).set(password=secret)
     return parsed
 
 
@@ -90,7 +87,7 @@ def in_memory(url: sa.URL) -> bool:
 
 
 def shown(url: sa.URL) -> str:
-    """Return an address as it may be printed and logged: with *** for passwords."""
+    """Return an address as it may be printed and logged: with *** for passwords, which libpq takes as options too."""
     secret = [key for key in url.query if "password" in key]
     return url.update_query_dict(dict.fromkeys(secret, "***")).render_as_string(hide_password=True)
 
