@@ -412,7 +412,7 @@ def serve(
     """Serve the page on 127.0.0.1, without telemetry; Ctrl-C ends it."""
     import importlib.util
 
-    from pdlab.store import open_store
+    from pdlab.store import open_store, store_url
 
     _check_free(port)
     opened = open_store(store)
@@ -437,7 +437,7 @@ def serve(
     ]
     print(f"the page: http://127.0.0.1:{port} (store {opened.url}; Ctrl-C ends it)", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    page = subprocess.Popen(command, env={**os.environ, "PDLAB_STORE": opened.url})
+    page = subprocess.Popen(command, env={**os.environ, "PDLAB_STORE": store_url(store)})
     try:
         code = page.wait()
     except KeyboardInterrupt:
@@ -466,13 +466,41 @@ def bench(
 
 @db.command("upgrade")
 def upgrade(store: Store = None) -> None:
-    """Bring the store to this version's tables, making it when it is missing."""
-    from pdlab.store import store_url
+    """Bring the store to this version's tables after a backup, making it when it is missing."""
+    from pdlab.store import shown_url
     from pdlab.store import upgrade as run
 
-    before, after = run(store)
-    url = store_url(store)
-    print(f"{url}: {'made' if before is None else 'upgraded' if before != after else 'already'} at revision {after}")
+    before, after, kept = run(store)
+    if kept is not None:
+        print(f"backup of revision {before}: {kept}")
+    done = "made" if before is None else "upgraded" if before != after else "already"
+    print(f"{shown_url(store)}: {done} at revision {after}")
+
+
+@db.command("backup")
+def backup(file: Path, store: Store = None) -> None:
+    """Write the store into a new SQLite FILE, checked afterwards; others may write on meanwhile."""
+    from pdlab.store import backup as run
+    from pdlab.store import shown_url
+
+    revision = run(store, file)
+    size = file.stat().st_size / 1e6
+    print(f"backup of {shown_url(store)} at revision {revision}: {file} ({size:.2f} MB, checked)")
+
+
+@db.command("copy")
+def copy(
+    source: Annotated[str, typer.Argument(metavar="FROM", help="Store URL or SQLite file.")],
+    target: Annotated[str, typer.Argument(metavar="TO", help="An empty database's URL, or a new SQLite file.")],
+) -> None:
+    """Copy a store to another database, SQLite or PostgreSQL, and compare: all of it or nothing."""
+    from pdlab.store import copy as run
+    from pdlab.store import shown_url
+
+    tables = run(source, target)
+    rows = [[table.name, str(table.rows), table.checksum[:12]] for table in tables]
+    _table("Copied, equal on both sides", ["table", "rows", "SHA-256"], rows)
+    print(f"{sum(table.rows for table in tables)} rows from {shown_url(source)} to {shown_url(target)}")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,8 @@ PdlabError
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
 │   ├── OutOfReach          a packing density that the method's spheres cannot reach
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
-│   └── StoreError          a file that is no store, or a store of another revision
+│   └── StoreError          what is no store, a store of another revision, or a database that cannot be used now
+├── MigrationFailed         a store that could not be brought to a newer revision and is as it was
 └── EngineError             a run that gave no packing density
     ├── RunDiverged         NaN, spheres that escape, a measure that is not filled
     ├── TooSoft             an overlap above the bound: contacts too soft for the forces in this bed
@@ -89,7 +90,11 @@ class SpecimenTooLarge(InputError):
 
 
 class StoreError(InputError):
-    """A file that is no store, or a store of another revision."""
+    """What is no store, a store of another revision, or a database that cannot be used now."""
+
+
+class MigrationFailed(PdlabError):
+    """A store that could not be brought to a newer revision and is as it was."""
 
 
 class EngineError(PdlabError):

@@ -1,6 +1,9 @@
 """The store: databases, transactions and the only SELECTs."""
 
-from pdlab.store.opening import Store, migrate, open_store, store_url, upgrade
+from pdlab.store.copying import TableCopy, backup, copy
+from pdlab.store.databases import shown_url, store_url
+from pdlab.store.opening import Store, Upgraded, open_store, upgrade
+from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
     add_all,
     aggregates,
@@ -20,10 +23,14 @@ from pdlab.store.selects import (
 
 __all__ = [
     "Store",
+    "TableCopy",
+    "Upgraded",
     "add_all",
     "aggregates",
     "aggregates_by_id",
+    "backup",
     "calibrations",
+    "copy",
     "deliveries",
     "done_runs",
     "find_aggregate",
@@ -36,6 +43,7 @@ __all__ = [
     "predictions",
     "runs",
     "save_run",
+    "shown_url",
     "store_url",
     "upgrade",
 ]
