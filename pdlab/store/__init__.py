@@ -1,5 +1,14 @@
 """The store: databases, transactions and the only SELECTs."""
 
+from pdlab.store.descent import (
+    blends_with,
+    corrections,
+    find_row,
+    last_calibration,
+    last_prediction,
+    resting_on,
+    with_descent,
+)
 from pdlab.store.opening import Store, migrate, open_store, store_url, upgrade
 from pdlab.store.selects import (
     add_all,
@@ -11,7 +20,9 @@ from pdlab.store.selects import (
     find_aggregate,
     find_bed,
     find_mixture,
+    find_run,
     mixtures,
+    newest_engine,
     newest_test,
     predictions,
     runs,
@@ -23,19 +34,28 @@ __all__ = [
     "add_all",
     "aggregates",
     "aggregates_by_id",
+    "blends_with",
     "calibrations",
+    "corrections",
     "deliveries",
     "done_runs",
     "find_aggregate",
     "find_bed",
     "find_mixture",
+    "find_row",
+    "find_run",
+    "last_calibration",
+    "last_prediction",
     "migrate",
     "mixtures",
+    "newest_engine",
     "newest_test",
     "open_store",
     "predictions",
+    "resting_on",
     "runs",
     "save_run",
     "store_url",
     "upgrade",
+    "with_descent",
 ]
