@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -186,8 +186,13 @@ def comparisons(target: Store, engine_version: int | None = None) -> list[Predic
         newest: dict[int, Prediction] = {}
         for row in store.predictions(session):
             newest.setdefault(row.mixture_id, row)
+    fits = {link.calibration_id: link.calibration for row in newest.values() for link in row.calibrations}
+    stale = {key for key, fit in fits.items() if is_stale(fit)}
     reports = [
-        _comparison(newest[row.id], newest_engine) if row.id in newest else _open_comparison(row) for row in rows
+        _comparison(newest[row.id], _outdated(newest[row.id], stale, newest_engine))
+        if row.id in newest
+        else _open_comparison(row)
+        for row in rows
     ]
     return [_with_expected_error(report, reports) for report in reports]
 
@@ -203,9 +208,8 @@ def _open_comparison(row: Mixture) -> PredictionReport:
     )
 
 
-def _comparison(row: Prediction, newest_engine: int | None) -> PredictionReport:
+def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
     measured = measured_mixture(row.mixture)
-    outdated = _outdated(row, newest_engine)
     notes = [row.message or "", *(row.warnings or "").splitlines(), *outdated]
     return PredictionReport(
         mixture=row.mixture.name,
@@ -225,18 +229,22 @@ def _comparison(row: Prediction, newest_engine: int | None) -> PredictionReport:
     )
 
 
-def _outdated(row: Prediction, newest_engine: int | None) -> list[str]:
-    """Return why a prediction is not what the store would give now, and what to do; empty where it is."""
+def _outdated(row: Prediction, stale: Collection[int], newest_engine: int | None) -> list[str]:
+    """Return why a prediction is not what the store would give now, and what to do; empty where it is.
+
+    ``stale``: the ids of calibrations that are not.
+    """
+    out = []
+    names = [link.calibration.aggregate.name for link in row.calibrations if link.calibration_id in stale]
     older = older_engine(row.engine_version, newest_engine)
-    stale = [link.calibration.aggregate.name for link in row.calibrations if is_stale(link.calibration)]
-    if stale:
-        text = f"{', '.join(stale)}: tested or sieved anew since, or corrected; run 'pdlab predict' again"
-        return [text, older] if older else [text]
-    if older:  # whose beds cannot be told from this engine's
-        return [older]
-    return [] if row.state != "done" or _rests_on_these_proportions(row) else [
-        "the mixture was corrected since; run 'pdlab predict' again"
-    ]  # fmt: skip
+    if names:
+        out.append(f"{', '.join(names)}: tested or sieved anew since, or corrected; run 'pdlab predict' again")
+    if older:
+        out.append(older)
+    # an older engine's beds, or those of other diameters, say nothing of the proportions
+    if not out and row.state == "done" and not _rests_on_these_proportions(row):
+        out.append("the mixture was corrected since; run 'pdlab predict' again")
+    return out
 
 
 def _rests_on_these_proportions(row: Prediction) -> bool:
