@@ -10,6 +10,8 @@ PdlabError
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
 │   ├── OutOfReach          a packing density that the method's spheres cannot reach
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
+│   ├── EditedMeanwhile     a row that another has changed since it was read
+│   ├── StillNeeded         a row that cannot be deleted, since others rest on it
 │   └── StoreError          a file that is no store, or a store of another revision
 └── EngineError             a run that gave no packing density
     ├── RunDiverged         NaN, spheres that escape, a measure that is not filled
@@ -86,6 +88,14 @@ class OutOfReach(InputError):
 
 class SpecimenTooLarge(InputError):
     """A mixture that needs more spheres than the cap."""
+
+
+class EditedMeanwhile(InputError):
+    """A row that another has changed since it was read."""
+
+
+class StillNeeded(InputError):
+    """A row that cannot be deleted, since others rest on it."""
 
 
 class StoreError(InputError):
