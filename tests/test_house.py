@@ -38,3 +38,5 @@ def test_every_verb_stands_in_the_readme() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     for verb in ("demo", "import", "calibrate", "predict", "ls", "serve", "bed", "bench", "db upgrade"):
         assert f"pdlab {verb}" in readme, verb
+    for verb in ("show", "verify", "refresh", "correct", "delete"):
+        assert f"pdlab {verb}" in readme, verb
