@@ -156,6 +156,14 @@ def test_a_correction_that_an_import_would_refuse_changes_nothing(
         assert session.scalar(sa.select(sa.func.count()).select_from(Correction)) == 0
 
 
+def test_apertures_that_change_places_are_a_sentence_where_the_database_refuses_them(by_mass: Store) -> None:
+    correct(by_mass, {"sieve_result:1/0": {"aperture_mm": "64"}}, "Anna")
+    swap = {"sieve_result:2/0": {"retained_g": "100", "aperture_mm": "4"},
+            "sieve_result:2/1": {"retained_g": "0", "aperture_mm": "8"}}  # fmt: skip
+    with pytest.raises(InputError, match=r"cannot hold sieve_analysis:2 so \(.*; correct values that change places"):
+        correct(by_mass, swap, "Anna")
+
+
 def test_a_particle_density_is_not_corrected_without_its_basis(pebbles: Store) -> None:
     with pytest.raises(DensityError, match="go together; fill both or neither"):
         correct(pebbles, {"aggregate:pebbles L": {"particle_density_kg_m3": "2650"}}, "Anna")

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session, attributes
 from sqlalchemy.orm.exc import StaleDataError
 
@@ -280,6 +281,10 @@ def _write(work: _Work, record: Edited) -> None:
             f"{named} was changed by another at the same time; look at it with 'pdlab show {named}' and correct what "
             "is still wrong"
         ) from error
+    except IntegrityError as error:
+        raise InputError(
+            f"the store cannot hold {named} so ({error.orig}); correct values that change places one after the other"
+        ) from error
 
 
 def delete(target: Store, what: str, by: str, reason: str | None = None, confirmed: bool = True) -> str:
@@ -303,6 +308,12 @@ def delete(target: Store, what: str, by: str, reason: str | None = None, confirm
             store.add_all(session, [_correction(_Work(session, by.strip(), reason), row, DELETED, whole, None)])
         for one in (*parts, row):
             session.delete(one)
+        try:
+            session.flush()
+        except IntegrityError as error:
+            raise StillNeeded(
+                f"{named} cannot be deleted: another has used it a moment ago; see 'pdlab show {named}'"
+            ) from error
     return named
 
 
