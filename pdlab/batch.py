@@ -136,6 +136,11 @@ class Runner:
             self._run(jobs, done)
         return [done[digest] for digest in digests]
 
+    @property
+    def engine_version(self) -> int:
+        """The version of the engine that runs here."""
+        return packing.VERSION
+
     def close(self) -> None:
         """End the worker processes; the next call starts new ones."""
         if self._pool is not None:
@@ -213,8 +218,7 @@ class Runner:
             setattr(run, name, getattr(result, name))
         run.slab_shares = json.dumps(result.slab_shares)
         run.warnings = "\n".join(result.warnings) or None
-        with self.target.write() as session:
-            store.save_run(session, run, _state_row(job))
+        self._keep(run, _state_row(job))
         self.simulated += 1
         return result
 
@@ -222,8 +226,32 @@ class Runner:
         """Keep a failed run with its reason and its last bed."""
         run = _run_row(job, "failed")
         run.error = str(error)
+        self._keep(run, _state_row(job) if job.state is not None else None)
+
+    def _keep(self, run: Run, state: RunState | None) -> None:
         with self.target.write() as session:
-            store.save_run(session, run, _state_row(job) if job.state is not None else None)
+            store.save_run(session, run, state)
+
+
+@dataclass
+class Repeater(Runner):
+    """Runs specimens anew, whatever the store holds, and writes nothing."""
+
+    _kept: dict[str, tuple[Run, RunState | None]] = field(default_factory=dict)
+
+    def repeat(self, specimens: Sequence[Specimen]) -> list[tuple[Run, RunState | None]]:
+        """Return, in order, each specimen's run and bed as a ``Runner`` would keep them, failed ones too.
+
+        Raises WorkersLost when worker processes die again and again.
+        """
+        self._kept = {}
+        jobs = {bed.digest(packing.VERSION): _Job(bed, bed.digest(packing.VERSION)) for bed in specimens}
+        if jobs:
+            self._run(jobs, {})
+        return [self._kept[specimen.digest(packing.VERSION)] for specimen in specimens]
+
+    def _keep(self, run: Run, state: RunState | None) -> None:
+        self._kept[run.specimen_hash] = run, state
 
 
 def _chunk_text(job: _Job) -> str:

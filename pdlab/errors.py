@@ -10,6 +10,8 @@ PdlabError
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
 │   ├── OutOfReach          a packing density that the method's spheres cannot reach
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
+│   ├── EditedMeanwhile     a row that another has changed since it was read
+│   ├── StillNeeded         a row that cannot be deleted, since others rest on it
 │   └── StoreError          what is no store, a store of another revision, or a database that cannot be used now
 ├── MigrationFailed         a store that could not be brought to a newer revision and is as it was
 └── EngineError             a run that gave no packing density
@@ -87,6 +89,14 @@ class OutOfReach(InputError):
 
 class SpecimenTooLarge(InputError):
     """A mixture that needs more spheres than the cap."""
+
+
+class EditedMeanwhile(InputError):
+    """A row that another has changed since it was read."""
+
+
+class StillNeeded(InputError):
+    """A row that cannot be deleted, since others rest on it."""
 
 
 class StoreError(InputError):

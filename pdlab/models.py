@@ -342,6 +342,7 @@ class Calibration(Wish, Base):
     curve_error: Mapped[float | None]
     warnings: Mapped[str | None]
     aggregate: Mapped[Aggregate] = relationship()
+    sieve_analysis: Mapped[SieveAnalysis] = relationship()
     packing_test: Mapped[PackingTest] = relationship()
     runs: Mapped[list["CalibrationRun"]] = relationship()
 
@@ -353,6 +354,7 @@ class CalibrationRun(Base):
     __table_args__ = (Index(None, "specimen_hash"),)
     calibration_id: Mapped[int] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     specimen_hash: Mapped[str] = mapped_column(ForeignKey("run.specimen_hash"), primary_key=True)
+    run: Mapped[Run] = relationship()
 
 
 class Prediction(Wish, Base):
@@ -390,6 +392,7 @@ class PredictionRun(Base):
     __table_args__ = (Index(None, "specimen_hash"),)
     prediction_id: Mapped[int] = mapped_column(ForeignKey("prediction.id"), primary_key=True)
     specimen_hash: Mapped[str] = mapped_column(ForeignKey("run.specimen_hash"), primary_key=True)
+    run: Mapped[Run] = relationship()
 
 
 class PredictionCalibration(Base):

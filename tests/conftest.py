@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
+from pdlab.dem import VERSION
 from pdlab.experiments import register
 from pdlab.lab import SHIPPED
 from pdlab.specimen import Packing, Specimen
@@ -122,20 +123,20 @@ def formula_density(friction: float) -> float:
     return 0.55 + 0.09 * math.exp(-3.0 * math.sqrt(friction))
 
 
-def formula_packing(specimen: Specimen, noise: float = 0.002) -> Packing:
-    digest = specimen.digest(1)
+def formula_packing(specimen: Specimen, noise: float = 0.002, version: int = VERSION) -> Packing:
+    digest = specimen.digest(version)
     scatter = int(hashlib.sha256(digest.encode()).hexdigest()[:8], 16) / 0xFFFFFFFF - 0.5
     friction = min(kind.friction for kind in specimen.species)
     gain = 0.05 * (1.0 - specimen.species[-1].diameter)
     value = formula_density(friction) + gain + noise * scatter
-    return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, 1)
+    return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, version)
 
 
 class FormulaRunner:
     """Stands for the runner in tests of rooms that run nothing; keeps runs as rows like it."""
 
-    def __init__(self, target: Store) -> None:
-        self.target, self.asked = target, list[str]()
+    def __init__(self, target: Store, version: int = VERSION) -> None:
+        self.target, self.engine_version, self.asked = target, version, list[str]()
 
     def close(self) -> None:
         """End nothing: no process was started."""
@@ -143,15 +144,15 @@ class FormulaRunner:
     def __call__(self, specimens: Sequence[Specimen]) -> list[Packing]:
         from pdlab.models import Run
 
-        out = [formula_packing(specimen) for specimen in specimens]
+        out = [formula_packing(specimen, version=self.engine_version) for specimen in specimens]
         with self.target.write() as session:
             for specimen, packing in zip(specimens, out, strict=True):
                 self.asked.append(packing.digest)
                 session.merge(
                     Run(
                         specimen_hash=packing.digest,
-                        specimen=specimen.canonical(1),
-                        engine_version=1,
+                        specimen=specimen.canonical(self.engine_version),
+                        engine_version=self.engine_version,
                         seed=specimen.seed,
                         spheres=specimen.spheres,
                         state="done",

@@ -50,3 +50,5 @@ def test_every_verb_stands_in_the_readme() -> None:
         "db copy",
     ):
         assert f"pdlab {verb}" in readme, verb
+    for verb in ("show", "verify", "refresh", "correct", "delete"):
+        assert f"pdlab {verb}" in readme, verb

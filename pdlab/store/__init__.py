@@ -2,6 +2,15 @@
 
 from pdlab.store.copying import TableCopy, backup, copy
 from pdlab.store.databases import shown_url, store_url
+from pdlab.store.descent import (
+    blends_with,
+    corrections,
+    find_row,
+    last_calibration,
+    last_prediction,
+    resting_on,
+    with_descent,
+)
 from pdlab.store.opening import Store, Upgraded, open_store, upgrade
 from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
@@ -14,7 +23,9 @@ from pdlab.store.selects import (
     find_aggregate,
     find_bed,
     find_mixture,
+    find_run,
     mixtures,
+    newest_engine,
     newest_test,
     predictions,
     runs,
@@ -29,21 +40,30 @@ __all__ = [
     "aggregates",
     "aggregates_by_id",
     "backup",
+    "blends_with",
     "calibrations",
     "copy",
+    "corrections",
     "deliveries",
     "done_runs",
     "find_aggregate",
     "find_bed",
     "find_mixture",
+    "find_row",
+    "find_run",
+    "last_calibration",
+    "last_prediction",
     "migrate",
     "mixtures",
+    "newest_engine",
     "newest_test",
     "open_store",
     "predictions",
+    "resting_on",
     "runs",
     "save_run",
     "shown_url",
     "store_url",
     "upgrade",
+    "with_descent",
 ]
