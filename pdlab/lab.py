@@ -30,10 +30,10 @@ PREDICTION_COLUMNS = (
 class Lab:
     """A laboratory's store and the simulations for it.
 
-    ``url``: ``sqlite:///FILE`` or a path; else PDLAB_STORE, else pdlab.db in the current folder. A
-    SQLite file that does not exist is made. ``workers``: processes that simulate, one for each core by
-    default; they are spawned, so a script calls Lab under ``if __name__ == "__main__":``. ``progress``
-    is called after every chunk of simulation. Raises StoreError.
+    ``url``: ``sqlite:///FILE``, a path or ``postgresql://USER@HOST/DATABASE``; else PDLAB_STORE, else
+    pdlab.db in the current folder. A SQLite file that does not exist is made. ``workers``: processes that
+    simulate, one for each core by default; they are spawned, so a script calls Lab under
+    ``if __name__ == "__main__":``. ``progress`` is called after every chunk of simulation. Raises StoreError.
     """
 
     def __init__(
