@@ -4,6 +4,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 """
 
 from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate
+from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.registration import Registered, register
@@ -16,6 +17,8 @@ __all__ = [
     "Summary",
     "calibrate",
     "comparisons",
+    "counted",
+    "listed",
     "measured_aggregate",
     "predict",
     "register",

@@ -89,11 +89,8 @@ def summaries(target: Store) -> list[Summary]:
     """Return what is known of each aggregate's newest delivery."""
     with target.read() as session:
         rows = store.aggregates(session)
-        last: dict[int, Calibration] = {}
-        for fit in store.calibrations(session, [row.id for row in rows]):
-            if not is_stale(fit):
-                last.setdefault(fit.aggregate_id, fit)
-    return [_summary(row, last.get(row.id)) for row in rows]
+        current = store.current_calibrations(session)
+    return [_summary(row, current.get(row.id)) for row in rows]
 
 
 def _summary(row: Aggregate, fit: Calibration | None) -> Summary:

@@ -23,6 +23,8 @@ from pdlab.errors import StoreError
 DEFAULT_URL = "sqlite:///pdlab.db"
 LOCK_TIMEOUT = 30.0
 """Seconds that a writer waits for another."""
+CACHE = 64_000
+"""Most KiB of a SQLite file that a connection keeps in memory."""
 
 
 def store_url(given: str | os.PathLike[str] | None) -> str:
@@ -99,6 +101,7 @@ def _sqlite_engine(url: sa.URL, begin: str, foreign_keys: bool = True) -> sa.Eng
         if begin == "BEGIN IMMEDIATE" and not memory:
             connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
+        connection.execute(f"PRAGMA cache_size=-{CACHE}")
         connection.execute(f"PRAGMA foreign_keys={'ON' if foreign_keys else 'OFF'}")
 
     @sa.event.listens_for(engine, "begin")
