@@ -15,7 +15,7 @@ from pdlab.lab import SHIPPED
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
 
-PAGE = Path(store_module.__file__).with_name("page.py")
+PAGE = Path(store_module.__file__).parent.with_name("page.py")
 
 
 @pytest.fixture
