@@ -242,7 +242,7 @@ COMPARISONS: dict[str, Callable[[Column, Any], Column]] = {
 
 def _meets(column: Column, comparison: str, value: Value) -> Column:
     if value is None:
-        missing = column.is_(None) | (column == "") if column.type.python_type is str else column.is_(None)
+        missing = sa.func.coalesce(column, "") == "" if column.type.python_type is str else column.is_(None)
         return missing if comparison == "=" else sa.not_(missing)
     if not isinstance(value, dt.date):
         return COMPARISONS[comparison](column, value)
