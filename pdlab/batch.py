@@ -50,10 +50,10 @@ class Progress:
 Advanced = tuple[packing.State, packing.Progress, float]
 
 
-def advance(specimen: Specimen, state: packing.State | None, steps: int) -> Advanced:
+def advance(specimen: Specimen, state: packing.State | None, steps: int, threads: int = 1) -> Advanced:
     """Advance a bed in a worker; return it, how far it is, and the seconds that took. Workers know no database."""
     begun = time.perf_counter()
-    state = packing.advance(specimen, state, steps)
+    state = packing.advance(specimen, state, steps, threads)
     return state, packing.progress(specimen, state), time.perf_counter() - begun
 
 
@@ -102,7 +102,7 @@ def cores() -> int:
 
 @dataclass
 class Runner:
-    """Runs specimens on ``workers`` processes for one store; callable as ``run_all``.
+    """Runs specimens on ``workers`` processes of ``threads`` threads each for one store; callable as ``run_all``.
 
     ``on_progress`` is called at the beginning and after every chunk. ``simulated`` and ``read`` count over
     all calls. The processes live from the first run that is needed to ``close``.
@@ -112,6 +112,7 @@ class Runner:
     workers: int = field(default_factory=cores)
     on_progress: Callable[[Progress], None] | None = None
     make_pool: Callable[[int], Executor] = spawn_pool
+    threads: int = 1
     simulated: int = 0
     read: int = 0
     _pool: Executor | None = None
@@ -134,6 +135,11 @@ class Runner:
         if jobs:
             self._run(jobs, done)
         return [done[digest] for digest in digests]
+
+    @property
+    def engine_version(self) -> int:
+        """The version of the engine that runs here."""
+        return packing.VERSION
 
     def close(self) -> None:
         """End the worker processes; the next call starts new ones."""
@@ -169,7 +175,7 @@ class Runner:
     def _submit(self, job: _Job) -> Future[Advanced]:
         if self._pool is None:
             self._pool = self.make_pool(self.workers)
-        return self._pool.submit(advance, job.specimen, job.state, job.steps)
+        return self._pool.submit(advance, job.specimen, job.state, job.steps, self.threads)
 
     def _take(self, job: _Job, future: Future[Advanced], done: dict[str, Packing | EngineError]) -> list[_Job]:
         """Take a chunk's result: keep the run when it has ended, else return it to be carried on."""
@@ -212,8 +218,7 @@ class Runner:
             setattr(run, name, getattr(result, name))
         run.slab_shares = json.dumps(result.slab_shares)
         run.warnings = "\n".join(result.warnings) or None
-        with self.target.write() as session:
-            store.save_run(session, run, _state_row(job))
+        self._keep(run, _state_row(job))
         self.simulated += 1
         return result
 
@@ -221,8 +226,32 @@ class Runner:
         """Keep a failed run with its reason and its last bed."""
         run = _run_row(job, "failed")
         run.error = str(error)
+        self._keep(run, _state_row(job) if job.state is not None else None)
+
+    def _keep(self, run: Run, state: RunState | None) -> None:
         with self.target.write() as session:
-            store.save_run(session, run, _state_row(job) if job.state is not None else None)
+            store.save_run(session, run, state)
+
+
+@dataclass
+class Repeater(Runner):
+    """Runs specimens anew, whatever the store holds, and writes nothing."""
+
+    _kept: dict[str, tuple[Run, RunState | None]] = field(default_factory=dict)
+
+    def repeat(self, specimens: Sequence[Specimen]) -> list[tuple[Run, RunState | None]]:
+        """Return, in order, each specimen's run and bed as a ``Runner`` would keep them, failed ones too.
+
+        Raises WorkersLost when worker processes die again and again.
+        """
+        self._kept = {}
+        jobs = {bed.digest(packing.VERSION): _Job(bed, bed.digest(packing.VERSION)) for bed in specimens}
+        if jobs:
+            self._run(jobs, {})
+        return [self._kept[specimen.digest(packing.VERSION)] for specimen in specimens]
+
+    def _keep(self, run: Run, state: RunState | None) -> None:
+        self._kept[run.specimen_hash] = run, state
 
 
 def _chunk_text(job: _Job) -> str:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pdlab.bedfiles import Bed
-    from pdlab.experiments import CalibrationReport, PredictionReport
+    from pdlab.experiments import CalibrationReport, PredictionReport, Verified
     from pdlab.lab import Lab
 
 app = typer.Typer(
@@ -35,6 +35,7 @@ Store = Annotated[
 ]
 Rule = Annotated[str, typer.Option(help="Rule for the equivalent diameter.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
+Threads = Annotated[int, typer.Option(min=1, help="Threads that share one large bed.")]
 PREDICTION = (
     "predicted", "standard_error", "input_error", "expected_error", "measured", "difference", "volume_mean",
 )  # fmt: skip
@@ -72,7 +73,7 @@ def _options(
 
 
 @contextmanager
-def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
+def _lab(store: str | None, workers: int | None = None, threads: int = 1) -> Iterator["Lab"]:
     """Open the store, say when it is made, and show a bar while beds are simulated."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -99,7 +100,7 @@ def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
             bar.stop()
             bar.reset(task, visible=False)
 
-    with Lab(store, workers, show) as lab:
+    with Lab(store, workers, show, threads) as lab:
         if lab.store.created:
             print(f"made a new store: {lab.store.url}")
         try:
@@ -110,7 +111,6 @@ def _lab(store: str | None, workers: int | None = None) -> Iterator["Lab"]:
 
 def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     from rich.box import SIMPLE_HEAD
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
@@ -118,8 +118,13 @@ def _table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
         table.add_column(column, justify="left" if k == 0 else "right")
     for row in rows:
         table.add_row(*row)
-    console = Console(width=None if sys.stdout.isatty() else 140, emoji=False, markup=False, highlight=False)
-    console.print(table)
+    _print(table)
+
+
+def _print(what: Any) -> None:
+    from rich.console import Console
+
+    Console(width=None if sys.stdout.isatty() else 140, emoji=False, markup=False, highlight=False).print(what)
 
 
 def _number(value: float | None, digits: int = 4, sign: bool = False) -> str:
@@ -193,6 +198,11 @@ def _raise_failures(reports: Sequence[Any]) -> None:
     for report in reports:
         if report.error is not None:
             print(f"{getattr(report, 'mixture', None) or report.aggregate}: {report.error}", file=sys.stderr)
+    _end_with(errors)
+
+
+def _end_with(errors: Sequence[PdlabError]) -> None:
+    """End with the exit code of failures that were named, if there are any."""
     if errors:
         raise typer.Exit(2 if all(isinstance(error, InputError) for error in errors) else 1)
 
@@ -238,9 +248,10 @@ def calibrate(
     seeds: Annotated[int, typer.Option(min=2, help="Beds at each node of the curve.")] = 4,
     store: Store = None,
     workers: Workers = None,
+    threads: Threads = 1,
 ) -> None:
     """Find each aggregate's friction coefficient: the one whose simulated PD is the measured PD."""
-    with _lab(store, workers) as lab:
+    with _lab(store, workers, threads) as lab:
         _show_calibrations(reports := lab.calibrate(aggregates or (), rule, seeds))
         _raise_failures(reports)
 
@@ -265,6 +276,7 @@ def predict(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write the table as CSV.")] = None,
     store: Store = None,
     workers: Workers = None,
+    threads: Threads = 1,
 ) -> None:
     """Simulate mixtures and set their packing density beside the measured one."""
     from pdlab.lab import prediction_frame
@@ -273,7 +285,7 @@ def predict(
         raise InputError(f"'{method}' is no method of this version; use monosized")
     if output is not None:
         _check_writable(output)
-    with _lab(store, workers) as lab:
+    with _lab(store, workers, threads) as lab:
         reports = lab.predict_reports(mixtures or (), rule, seeds)
         _show_predictions(reports)
         if output is not None:
@@ -282,9 +294,10 @@ def predict(
         _raise_failures(reports)
 
 
-LISTS = ("aggregates", "mixtures", "runs", "predictions")
+LISTS = ("aggregates", "mixtures", "runs", "predictions", "corrections")
 PAGE = 30
 """Rows of a list in the terminal, where no other number is asked for."""
+LONGEST_BEFORE = 40
 
 
 @app.command()
@@ -352,7 +365,157 @@ def _cell(column: str, value: Any) -> str:
         return str(value)[:12]
     if isinstance(value, pd.Timestamp):
         return f"{value:%Y-%m-%d %H:%M}"
+    if column == "before" and len(str(value)) > LONGEST_BEFORE:  # a whole row that was deleted
+        return f"{str(value)[:LONGEST_BEFORE]}..."
     return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+@app.command()
+def show(
+    what: Annotated[
+        str, typer.Argument(metavar="NAME-OR-ID", help="A mixture, an aggregate, prediction:12, run:ab12.")
+    ],
+    as_json: Annotated[bool, typer.Option("--json", help="As nested JSON.")] = False,
+    store: Store = None,
+) -> None:
+    """Show where a number comes from: calibrations, tests and sieves, runs, and what was corrected."""
+    import json
+
+    from pdlab.tree import draw
+
+    with _lab(store) as lab:
+        facts = lab.show(what)
+        if as_json:
+            print(json.dumps(facts, indent=2, ensure_ascii=False))
+        else:
+            _print(draw(facts))
+
+
+@app.command()
+def verify(
+    sample: Annotated[int | None, typer.Option(min=1, help="So many runs, drawn by --seed; all by default.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of the draw; by default one is drawn and printed.")] = None,
+    store: Store = None,
+    workers: Workers = None,
+) -> None:
+    """Repeat stored runs and compare: to the bit on this machine's like. Changes nothing in the store."""
+    import random
+
+    seed = random.randrange(10**6) if seed is None else seed
+    with _lab(store, workers) as lab:
+        found = lab.verify(sample, seed)
+    _show_verified(found)
+    if sample is not None:
+        print(f"drawn by --seed {seed}")
+    wrong = [one.specimen_hash[:12] for one in found if one.verdict == "differs"]
+    if wrong:
+        print(f"these runs differ: {', '.join(wrong)}; keep the store and report it", file=sys.stderr)
+        raise typer.Exit(1)
+
+
+def _show_verified(found: Sequence["Verified"]) -> None:
+    from collections import Counter
+
+    rows = [
+        [one.specimen_hash[:12], one.verdict, _number(one.packing_density, 5), _number(one.repeated, 5),
+         _number(one.allowed, 5), one.message]
+        for one in found
+        if one.repeated is not None or one.verdict == "differs"
+    ]  # fmt: skip
+    if rows:
+        columns = ["run", "verdict", "PD stored", "PD repeated", "difference allowed", "note"]
+        _table("Stored runs, repeated", columns, rows)
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(one.verdict for one in found).items())
+    print(f"{len(found)} runs: {counts}" if found else "no runs yet")
+
+
+@app.command()
+def refresh(
+    mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
+    store: Store = None,
+    workers: Workers = None,
+) -> None:
+    """Calibrate and predict again what rests on an older engine, and print the difference."""
+    with _lab(store, workers) as lab:
+        found = lab.refresh(mixtures or ())
+        version = lab.runner.engine_version
+    if not found:
+        print(f"nothing rests on an engine older than version {version}")
+        return
+    rows = [
+        [one.label, str(one.before_version), _number(one.before), _number(one.after),
+         _number(one.difference, sign=True), _number(one.standard_error)]
+        for one in found
+    ]  # fmt: skip
+    _table(
+        f"Calibrated and predicted again by engine version {version} (aggregates: friction μ; mixtures: PD)",
+        ["", "version before", "before", "after", "difference", "± simulation"],
+        rows,
+    )
+    for one in found:
+        if one.error is not None:
+            print(f"{one.label}: {one.error}", file=sys.stderr)
+    _end_with([one.error for one in found if one.error is not None])
+
+
+@app.command()
+def correct(
+    changes: Annotated[
+        list[str],
+        typer.Argument(metavar="KIND:ROW COLUMN=VALUE...", help="As aggregate:A particle_density_kg_m3=2650."),
+    ],
+    by: Annotated[str | None, typer.Option(help="Who corrects; by default the login name.")] = None,
+    reason: Annotated[str | None, typer.Option(help="Why.")] = None,
+    seen: Annotated[int | None, typer.Option(help="The record's version as 'pdlab show' gave it.")] = None,
+    store: Store = None,
+) -> None:
+    """Correct a typing error in place; what stood there is kept in the row's history."""
+    with _lab(store) as lab:
+        before = set(_outdated(lab))
+        found = lab.correct(_changes(changes), by, reason, seen)
+        if not found:
+            print("nothing to correct: the store holds these values already")
+            return
+        rows = [[one.address, one.column, one.old or "empty", one.new or "empty"] for one in found]
+        _table("Corrected", ["row", "column", "before", "after"], rows)
+        outdated = [name for name in _outdated(lab) if name not in before]
+    if outdated:
+        print(f"outdated now: the predictions of {', '.join(outdated)}; run 'pdlab predict'")
+
+
+def _outdated(lab: "Lab") -> list[str]:
+    frame = lab.predictions()
+    return list(frame.loc[frame["state"] == "outdated", "mixture"])
+
+
+def _changes(words: Sequence[str]) -> dict[str, dict[str, str | float | None]]:
+    """Part words into rows, each with its columns' texts. Raises InputError."""
+    changes: dict[str, dict[str, str | float | None]] = {}
+    for word in words:
+        column, equals, text = word.partition("=")
+        if equals and column.isidentifier() and changes:
+            list(changes.values())[-1][column] = text
+        elif not equals or ":" in column:
+            changes[word] = {}
+        else:
+            raise InputError(f"'{word}' corrects nothing named; write KIND:ROW first, as aggregate:A {word}")
+    for row, columns in changes.items():
+        if not columns:
+            raise InputError(f"'{row}' has nothing to correct behind it; write COLUMN=VALUE")
+    return changes
+
+
+@app.command()
+def delete(
+    what: Annotated[str, typer.Argument(metavar="KIND:ROW", help="As aggregate:A, packing_test:5, run:ab12.")],
+    yes: Annotated[bool, typer.Option("--yes", help="Delete, without which it is only said what would go.")] = False,
+    by: Annotated[str | None, typer.Option(help="Who deletes; by default the login name.")] = None,
+    reason: Annotated[str | None, typer.Option(help="Why.")] = None,
+    store: Store = None,
+) -> None:
+    """Delete a row that nothing rests on, with its own parts."""
+    with _lab(store) as lab:
+        print(f"deleted {lab.delete(what, by, reason, confirmed=yes)}")
 
 
 @app.command()
@@ -448,7 +611,7 @@ def serve(
     """Serve the page on 127.0.0.1, without telemetry; Ctrl-C ends it."""
     import importlib.util
 
-    from pdlab.store import open_store
+    from pdlab.store import open_store, store_url
 
     _check_free(port)
     opened = open_store(store)
@@ -473,7 +636,7 @@ def serve(
     ]
     print(f"the page: http://127.0.0.1:{port} (store {opened.url}; Ctrl-C ends it)", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    page = subprocess.Popen(command, env={**os.environ, "PDLAB_STORE": opened.url})
+    page = subprocess.Popen(command, env={**os.environ, "PDLAB_STORE": store_url(store)})
     try:
         code = page.wait()
     except KeyboardInterrupt:
@@ -502,13 +665,41 @@ def bench(
 
 @db.command("upgrade")
 def upgrade(store: Store = None) -> None:
-    """Bring the store to this version's tables, making it when it is missing."""
-    from pdlab.store import store_url
+    """Bring the store to this version's tables after a backup, making it when it is missing."""
+    from pdlab.store import shown_url
     from pdlab.store import upgrade as run
 
-    before, after = run(store)
-    url = store_url(store)
-    print(f"{url}: {'made' if before is None else 'upgraded' if before != after else 'already'} at revision {after}")
+    before, after, kept = run(store)
+    if kept is not None:
+        print(f"backup of revision {before}: {kept}")
+    done = "made" if before is None else "upgraded" if before != after else "already"
+    print(f"{shown_url(store)}: {done} at revision {after}")
+
+
+@db.command("backup")
+def backup(file: Path, store: Store = None) -> None:
+    """Write the store into a new SQLite FILE, checked afterwards; others may write on meanwhile."""
+    from pdlab.store import backup as run
+    from pdlab.store import shown_url
+
+    revision = run(store, file)
+    size = file.stat().st_size / 1e6
+    print(f"backup of {shown_url(store)} at revision {revision}: {file} ({size:.2f} MB, checked)")
+
+
+@db.command("copy")
+def copy(
+    source: Annotated[str, typer.Argument(metavar="FROM", help="Store URL or SQLite file.")],
+    target: Annotated[str, typer.Argument(metavar="TO", help="An empty database's URL, or a new SQLite file.")],
+) -> None:
+    """Copy a store to another database, SQLite or PostgreSQL, and compare: all of it or nothing."""
+    from pdlab.store import copy as run
+    from pdlab.store import shown_url
+
+    tables = run(source, target)
+    rows = [[table.name, str(table.rows), table.checksum[:12]] for table in tables]
+    _table("Copied, equal on both sides", ["table", "rows", "SHA-256"], rows)
+    print(f"{sum(table.rows for table in tables)} rows from {shown_url(source)} to {shown_url(target)}")
 
 
 if __name__ == "__main__":

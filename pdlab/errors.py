@@ -11,7 +11,10 @@ PdlabError
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
 │   ├── OutOfReach          a packing density that the method's spheres cannot reach
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
-│   └── StoreError          a file that is no store, or a store of another revision
+│   ├── EditedMeanwhile     a row that another has changed since it was read
+│   ├── StillNeeded         a row that cannot be deleted, since others rest on it
+│   └── StoreError          what is no store, a store of another revision, or a database that cannot be used now
+├── MigrationFailed         a store that could not be brought to a newer revision and is as it was
 └── EngineError             a run that gave no packing density
     ├── RunDiverged         NaN, spheres that escape, a measure that is not filled
     ├── TooSoft             an overlap above the bound: contacts too soft for the forces in this bed
@@ -93,8 +96,20 @@ class SpecimenTooLarge(InputError):
     """A mixture that needs more spheres than the cap."""
 
 
+class EditedMeanwhile(InputError):
+    """A row that another has changed since it was read."""
+
+
+class StillNeeded(InputError):
+    """A row that cannot be deleted, since others rest on it."""
+
+
 class StoreError(InputError):
-    """A file that is no store, or a store of another revision."""
+    """What is no store, a store of another revision, or a database that cannot be used now."""
+
+
+class MigrationFailed(PdlabError):
+    """A store that could not be brought to a newer revision and is as it was."""
 
 
 class EngineError(PdlabError):

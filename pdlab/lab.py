@@ -1,8 +1,9 @@
 """``Lab``: the verbs in Python, with pandas frames in and out."""
 
+import getpass
 import io
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 
@@ -10,11 +11,19 @@ import numpy as np
 import pandas as pd
 
 from pdlab import experiments, mixture, store, tables
-from pdlab.batch import Progress, Runner, cores
+from pdlab.batch import Progress, Repeater, Runner, cores
 from pdlab.bedfiles import Bed, standing
 from pdlab.calibration import SEEDS
 from pdlab.errors import InputError, PdlabError
-from pdlab.experiments import CalibrationReport, PredictionReport, Registered
+from pdlab.experiments import (
+    CalibrationReport,
+    Corrected,
+    Facts,
+    PredictionReport,
+    Refreshed,
+    Registered,
+    Verified,
+)
 from pdlab.grading import DEFAULT_RULE
 from pdlab.specimen import from_canonical
 
@@ -31,7 +40,8 @@ class Lab:
     ``url``: ``sqlite:///FILE`` or a path; else PDLAB_STORE, else pdlab.db in the current folder. A
     SQLite file that does not exist is made. ``workers``: processes that simulate, one for each core by
     default; they are spawned, so a script calls Lab under ``if __name__ == "__main__":``. ``progress``
-    is called after every chunk of simulation. Raises StoreError.
+    is called after every chunk of simulation. ``threads`` share one bed, which pays for few beds of some
+    10 000 spheres and more on idle cores; results do not depend on it. Raises StoreError, InputError.
     """
 
     def __init__(
@@ -39,9 +49,12 @@ class Lab:
         url: str | os.PathLike[str] | None = None,
         workers: int | None = None,
         progress: Callable[[Progress], None] | None = None,
+        threads: int = 1,
     ) -> None:
+        if not 1 <= threads <= cores():
+            raise InputError(f"{threads} threads lie outside [1, {cores()}], the cores of this process; choose fewer")
         self.store = store.open_store(url)
-        self.runner = Runner(self.store, workers or cores(), progress)
+        self.runner = Runner(self.store, workers or cores() // threads, progress, threads=threads)
 
     def __enter__(self) -> "Lab":
         return self
@@ -122,16 +135,82 @@ class Lab:
         return self._listed("predictions", where, columns, sort, limit)
 
     def count(self, what: str, where: Texts = ()) -> int:
-        """Return how many rows of aggregates, mixtures, runs or predictions meet the conditions.
+        """Return how many rows of aggregates, mixtures, runs, predictions or corrections meet the conditions.
 
         Raises ConditionError.
         """
-        return experiments.counted(self.store, what, _texts(where))
+        return experiments.counted(self.store, what, _texts(where), self.runner.engine_version)
 
     def _listed(self, what: str, where: Texts, columns: Texts, sort: Texts, limit: int | None) -> pd.DataFrame:
         order = ",".join(_texts(sort))
-        names, rows = experiments.listed(self.store, what, _texts(where), _texts(columns), order, limit)
+        names, rows = experiments.listed(
+            self.store, what, _texts(where), _texts(columns), order, limit, self.runner.engine_version
+        )
         return pd.DataFrame.from_records(rows, columns=names)
+
+    def show(self, what: str) -> Facts:
+        """Return a row and all that it rests on as nested plain data: down to the raw text of each sieve.
+
+        ``what``: a mixture's or an aggregate's name, a prediction's id, the beginning of a run's hash; or
+        ``prediction:12``, ``calibration:3``, ``mixture:M``, ``aggregate:A@DELIVERY``, ``run:ab12``,
+        ``sieve_analysis:4``, ``packing_test:5``. ``corrections`` of each row holds its history. Raises UnknownName,
+        and InputError where a bare name has several meanings.
+        """
+        return experiments.show(self.store, what)
+
+    def verify(self, sample: int | None = None, seed: int = 1) -> list[Verified]:
+        """Repeat stored runs, all or ``sample`` drawn by ``seed``, and compare; nothing is written.
+
+        To the bit where engine, numba and processor are the same; within three standard errors elsewhere; runs of
+        another engine version are counted alone. Raises InputError for a ``sample`` below 1.
+        """
+        again = Repeater(self.store, self.runner.workers, self.runner.on_progress)
+        try:
+            return experiments.verify(self.store, again.repeat, again.engine_version, sample, seed)
+        finally:
+            again.close()
+
+    def refresh(self, mixtures: Iterable[str] = ()) -> list[Refreshed]:
+        """Calibrate and predict again what rests on an older engine: all of it, or the named mixtures'.
+
+        Packing densities and friction coefficients [-] before and after; the rows of before stay. Raises
+        UnknownName.
+        """
+        names = [mixtures] if isinstance(mixtures, str) else list(mixtures)
+        return experiments.refresh(self.store, self.runner, self.runner.engine_version, names)
+
+    def correct(
+        self,
+        changes: Mapping[str, Mapping[str, str | float | None]],
+        by: str | None = None,
+        reason: str | None = None,
+        version: int | None = None,
+    ) -> list[Corrected]:
+        """Correct typing errors of one record, as ``{"aggregate:A": {"particle_density_kg_m3": 2650}}``.
+
+        The rows are named as in ``show``, and ``sieve_result:ID/POSITION`` and ``mixture_component:ID/POSITION``;
+        None empties a cell. ``by``: who corrects, by default the login name. ``version``: the record's as it was
+        seen. What rests on the record is outdated from then on. Raises UnknownName, EditedMeanwhile where the
+        record is of another version now, and InputError for what an import would refuse.
+        """
+        texts = {
+            row: {name: "" if value is None else str(value) for name, value in columns.items()}
+            for row, columns in changes.items()
+        }
+        return experiments.correct(self.store, texts, by or getpass.getuser(), reason, version)
+
+    def delete(self, what: str, by: str | None = None, reason: str | None = None, confirmed: bool = True) -> str:
+        """Delete a row that nothing rests on, with its own parts; return how it was named.
+
+        Raises UnknownName, StillNeeded with the names of what rests on it, and InputError unless ``confirmed``.
+        """
+        return experiments.delete(self.store, what, by or getpass.getuser(), reason, confirmed)
+
+    def corrections(
+        self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
+    ) -> pd.DataFrame:
+        """Return every correction and deletion of what people entered, the oldest first; see ``aggregates``."""
+        return self._listed("corrections", where, columns, sort, limit)
 
     def bed(self, run: str) -> Bed:
         """Return where the spheres of a run lie; a failed run's as it was left, for inspection.

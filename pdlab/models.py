@@ -1,14 +1,18 @@
 """The tables, and nothing else."""
 
 import datetime as dt
+import math
+import operator
 from typing import Any, ClassVar
 
 from sqlalchemy import (
     CheckConstraint,
     DateTime,
     Dialect,
+    Double,
     ForeignKey,
     Index,
+    Integer,
     LargeBinary,
     MetaData,
     String,
@@ -54,6 +58,30 @@ class UtcDateTime(TypeDecorator[dt.datetime]):
         return None if value is None else value.replace(tzinfo=dt.UTC)
 
 
+class Number(TypeDecorator[float]):
+    """A number, NumPy's too; NaN is stored as NULL, which SQLite would do unasked and PostgreSQL would not."""
+
+    impl = Double
+    cache_ok = True
+    python_type = float
+
+    def process_bind_param(self, value: float | None, dialect: Dialect) -> float | None:
+        """Return a float of Python's own, None for NaN."""
+        return None if value is None or math.isnan(value) else float(value)
+
+
+class Whole(TypeDecorator[int]):
+    """A whole number, NumPy's too, which SQLite would keep as bytes."""
+
+    impl = Integer
+    cache_ok = True
+    python_type = int
+
+    def process_bind_param(self, value: int | None, dialect: Dialect) -> int | None:
+        """Return an int of Python's own; refuse what is none."""
+        return None if value is None else operator.index(value)
+
+
 def now() -> dt.datetime:
     """Return the present time in UTC."""
     return dt.datetime.now(dt.UTC)
@@ -63,7 +91,7 @@ class Base(DeclarativeBase):
     """Base of all tables."""
 
     metadata = MetaData(naming_convention=NAMING)
-    type_annotation_map: ClassVar[dict[Any, Any]] = {dt.datetime: UtcDateTime, str: Text}
+    type_annotation_map: ClassVar[dict[Any, Any]] = {dt.datetime: UtcDateTime, str: Text, float: Number, int: Whole}
 
 
 def _one_of(column: str, values: tuple[str, ...], optional: bool = False) -> CheckConstraint:
@@ -323,6 +351,7 @@ class Calibration(Wish, Base):
     curve_error: Mapped[float | None]
     warnings: Mapped[str | None]
     aggregate: Mapped[Aggregate] = relationship()
+    sieve_analysis: Mapped[SieveAnalysis] = relationship()
     packing_test: Mapped[PackingTest] = relationship()
     runs: Mapped[list["CalibrationRun"]] = relationship()
 
@@ -334,6 +363,7 @@ class CalibrationRun(Base):
     __table_args__ = (Index(None, "specimen_hash"),)
     calibration_id: Mapped[int] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     specimen_hash: Mapped[str] = mapped_column(ForeignKey("run.specimen_hash"), primary_key=True)
+    run: Mapped[Run] = relationship()
 
 
 class Prediction(Wish, Base):
@@ -370,6 +400,7 @@ class PredictionRun(Base):
     __table_args__ = (Index(None, "specimen_hash"),)
     prediction_id: Mapped[int] = mapped_column(ForeignKey("prediction.id"), primary_key=True)
     specimen_hash: Mapped[str] = mapped_column(ForeignKey("run.specimen_hash"), primary_key=True)
+    run: Mapped[Run] = relationship()
 
 
 class PredictionCalibration(Base):

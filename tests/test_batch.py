@@ -3,7 +3,6 @@
 import io
 import os
 import pickle
-import sqlite3
 import subprocess
 import sys
 import time
@@ -14,21 +13,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from conftest import both
 
 from pdlab import batch, packing
 from pdlab.batch import Progress, Runner
 from pdlab.errors import NotAtRest, WorkersLost
 from pdlab.models import Run, RunState
 from pdlab.specimen import Packing, Species, Specimen, with_seeds
-from pdlab.store import Store, open_store
+from pdlab.store import Store
 
 SMALL = Specimen((Species(1.0, 0.3, 100),), 4.0, 1)
 TRIO = with_seeds(SMALL, [1, 2, 3])
 
 
 @pytest.fixture
-def target(tmp_path: Path) -> Store:
-    return open_store(str(tmp_path / "lab.db"))
+def target(opened: Store) -> Store:
+    return opened
 
 
 def threads(workers: int) -> ThreadPoolExecutor:
@@ -37,7 +37,7 @@ def threads(workers: int) -> ThreadPoolExecutor:
 
 def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(target: Store, tmp_path: Path) -> None:
     shown: list[Progress] = []
-    runner = Runner(target, 2, shown.append)
+    runner = Runner(target, 2, shown.append, threads=min(2, batch.cores()))
     out = runner([*TRIO, TRIO[0]])
     assert runner.simulated == 3
     assert out[0] == out[3]
@@ -53,16 +53,15 @@ def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(targe
     assert [progress.share for progress in shown] == sorted(progress.share for progress in shown)
 
 
-def test_a_run_in_the_store_is_read_and_a_deleted_one_repeated_with_the_same_result(
-    target: Store, tmp_path: Path
-) -> None:
+@both
+def test_a_run_in_the_store_is_read_and_a_deleted_one_repeated_with_the_same_result(target: Store) -> None:
     first = Runner(target, 1, make_pool=threads)(TRIO)
     again = Runner(target, 1, make_pool=threads)
     assert again(TRIO) == first
     assert (again.simulated, again.read) == (0, 3)
     assert isinstance(first[1], Packing)
-    with sqlite3.connect(tmp_path / "lab.db") as connection:
-        connection.execute("DELETE FROM run WHERE specimen_hash = ?", (first[1].digest,))
+    with target.write() as session:
+        session.execute(sa.delete(Run).where(Run.specimen_hash == first[1].digest))
     third = Runner(target, 1, make_pool=threads)
     repeated = third(TRIO)
     assert (third.simulated, third.read) == (1, 2)
@@ -78,12 +77,13 @@ def test_short_chunks_change_no_result(target: Store, monkeypatch: pytest.Monkey
     assert replace(cut, seconds=0.0) == whole
 
 
+@both
 def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
     target: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = packing.advance
 
-    def advance(specimen: Specimen, state: packing.State | None, steps: int) -> packing.State:
+    def advance(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> packing.State:
         if specimen.seed == 2 and state is not None:
             raise NotAtRest("the bed still moves")
         return real(specimen, state, steps)
@@ -103,6 +103,7 @@ def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
     assert isinstance(repeated[1], Packing)
 
 
+@both
 def test_a_bed_that_does_not_come_to_rest_keeps_its_last_state(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packing.simulation, "PATIENCE", 0.5)
     (bad,) = Runner(target, 1, make_pool=threads)([SMALL])
@@ -138,7 +139,7 @@ def test_progress_tells_steps_energy_balance_and_rises(target: Store, monkeypatc
     assert shares[-1] == 1.0
 
 
-def dies_once(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:
+def dies_once(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> batch.Advanced:
     """Kill the first worker process that works on seed 2."""
     mark = Path(os.environ["PDLAB_TEST_MARK"])
     if specimen.seed == 2 and not mark.exists():
@@ -150,7 +151,7 @@ def dies_once(specimen: Specimen, state: packing.State | None, steps: int) -> ba
 batch_advance = batch.advance
 
 
-def dies(specimen: Specimen, state: packing.State | None, steps: int) -> batch.Advanced:
+def dies(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> batch.Advanced:
     """Kill the worker process."""
     os._exit(9)
 

@@ -71,6 +71,7 @@ def test_what_the_user_can_mend_ends_with_exit_code_2_and_one_sentence(tmp_path:
     refused(pdlab("predict", "gravel", folder=tmp_path), "the store holds no mixture named 'gravel'")
     refused(pdlab("calibrate", "--rule", "mean", folder=tmp_path), "'mean' is no diameter rule")
     refused(pdlab("predict", "--method", "magic", folder=tmp_path), "'magic' is no method")
+    refused(pdlab("predict", "--threads", "999", folder=tmp_path), "999 threads lie outside [1, ")
     refused(pdlab("predict", "-o", "gone/out.csv", folder=tmp_path), "cannot be written")
     refused(pdlab("ls", "stones", folder=tmp_path), "'stones' cannot be listed")
     refused(pdlab("import", "gone", folder=tmp_path), "no such file or folder")
@@ -140,9 +141,26 @@ def test_names_are_listed_as_they_were_entered(tmp_path: Path, folder: Folder) -
     assert "y" * 40 in text
 
 
-@pytest.mark.parametrize("address", ["nonsense://x", "sqlite+foo:///x", "postgresql://u@h/d", "http://x:abc/y"])
+@pytest.mark.parametrize("address", ["nonsense://x", "sqlite+foo:///x", "http://x:abc/y"])
 def test_a_store_address_that_cannot_be_used_is_a_sentence(tmp_path: Path, address: str) -> None:
-    refused(pdlab("ls", folder=tmp_path, PDLAB_STORE=address), "write sqlite:///FILE or a path")
+    refused(pdlab("ls", folder=tmp_path, PDLAB_STORE=address), "write sqlite:///FILE, a path, or postgresql://")
+
+
+def test_db_upgrade_keeps_a_backup_and_db_backup_and_copy_say_what_they_wrote(
+    tmp_path: Path, old_store: Callable[[str], Path]
+) -> None:
+    old_store("0001").rename(tmp_path / "pdlab.db")
+    refused(pdlab("ls", folder=tmp_path), "older than", "run 'pdlab db upgrade'")
+    done = pdlab("db", "upgrade", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (kept,) = tmp_path.glob("pdlab.revision-0001.*.db")
+    assert f"backup of revision 0001: {kept.name}\n" in done.stdout
+    assert "sqlite:///pdlab.db: upgraded at revision" in done.stdout
+    assert "kept.db (0." in pdlab("db", "backup", "kept.db", folder=tmp_path).stdout
+    refused(pdlab("db", "backup", "kept.db", folder=tmp_path), "kept.db is there already and is not overwritten")
+    done = pdlab("db", "copy", "kept.db", "copy.db", folder=tmp_path)
+    assert "134 rows from sqlite:///kept.db to sqlite:///copy.db" in done.stdout, done
+    assert "pebbles L" in pdlab("ls", "--store", "copy.db", folder=tmp_path).stdout
 
 
 def test_lab_takes_a_path_one_name_and_refuses_an_empty_frame(small_lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:

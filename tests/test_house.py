@@ -36,5 +36,19 @@ def test_lab_is_reached_from_the_package() -> None:
 
 def test_every_verb_stands_in_the_readme() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    for verb in ("demo", "import", "calibrate", "predict", "ls", "serve", "bed", "bench", "db upgrade"):
+    for verb in (
+        "demo",
+        "import",
+        "calibrate",
+        "predict",
+        "ls",
+        "serve",
+        "bed",
+        "bench",
+        "db upgrade",
+        "db backup",
+        "db copy",
+    ):
+        assert f"pdlab {verb}" in readme, verb
+    for verb in ("show", "verify", "refresh", "correct", "delete"):
         assert f"pdlab {verb}" in readme, verb

@@ -109,6 +109,11 @@ def test_an_empty_value_means_missing_and_what_is_missing_is_different(beds: Sto
     assert counted(beds, "runs", ["packing_density<1"]) == 9
 
 
+def test_a_column_of_whole_numbers_is_compared_with_any_number(beds: Store) -> None:
+    assert counted(beds, "runs", ["spheres>5000.5"]) == 6
+    assert counted(beds, "runs", ["seed=0.5"]) == 0
+
+
 def test_contains_knows_no_case_and_no_wildcards(beds: Store) -> None:
     assert counted(beds, "runs", ["error~off_BAL"]) == 3
     assert counted(beds, "runs", ["error~0%"]) == 3
@@ -221,7 +226,7 @@ def test_one_mixture_is_compared_without_reading_the_others(compared: Store) -> 
     whole = {report.mixture: report for report in comparisons(compared)}
     sa.event.listen(Prediction, "load", note)
     try:
-        assert comparisons(compared, ["A+B"]) == [whole["A+B"]]
+        assert comparisons(compared, names=["A+B"]) == [whole["A+B"]]
         assert len(loaded) == 1
         assert [report.mixture for report in comparisons(compared, newest=2)] == ["A+B+C", "new"]
     finally:
@@ -262,11 +267,14 @@ def slow(steps: list[str]) -> list[str]:
             and "COVERING INDEX" not in step and not step.startswith("SCAN pairs")]  # fmt: skip
 
 
+TRIED = {str: ("=", "!=z", "~z"), float: ("=", "!=0", ">0.6"), dt.date: (">2026-01-01",)}
+
+
 @pytest.mark.parametrize("what", store_module.SHOWN)
 def test_no_list_reads_the_whole_of_runs_predictions_or_tests(large: Store, what: str) -> None:
     kinds = store_module.column_kinds(what)
     for column in store_module.SHOWN[what]:
-        for text in ("=", "!=z", "~z") if kinds[column] is str else ("=", "!=0", ">0.6"):
+        for text in TRIED[kinds[column]]:
             for sort in (column, "-" + column, ""):
                 steps = plans(large, lambda: listed(large, what, [column + text], [], sort, 30))  # noqa: B023
                 assert not slow(steps), (column, text, sort)
@@ -296,7 +304,8 @@ def test_what_asks_for_one_mixture_or_run_searches_by_index(large: Store) -> Non
 
     steps = plans(large, call)
     digest_step = "SCAN run USING COVERING INDEX sqlite_autoindex_run_1"  # the test's own first statement
-    assert [step for step in steps if step.startswith("SCAN") and step != digest_step] == ["SCAN c"]  # calibrations
+    scans = [step for step in steps if step.startswith("SCAN") and step != digest_step]
+    assert set(scans) <= {"SCAN c", "SCAN k"}  # calibrations and corrections: are they outdated?
 
 
 def test_the_runs_of_many_specimens_are_found(large: Store) -> None:

@@ -1,16 +1,18 @@
-"""Revisions, pragmas, constraints and transactions of the store."""
+"""Files, pragmas, constraints and transactions of the store."""
 
 import sqlite3
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sqlalchemy as sa
-from alembic.autogenerate import compare_metadata
-from alembic.migration import MigrationContext
+from conftest import both
 
 from pdlab.errors import StoreError
 from pdlab.models import Aggregate, Base, Run, RunState, SieveAnalysis, SieveResult
-from pdlab.store import Store, find_aggregate, open_store, opening, store_url, upgrade
+from pdlab.store import Store, databases, find_aggregate, open_store, store_url, upgrade
 
 
 def test_a_missing_file_is_made_by_the_migrations_and_said(tmp_path: Path) -> None:
@@ -65,44 +67,6 @@ def test_an_address_that_is_none_is_refused() -> None:
         open_store("://")
 
 
-@pytest.mark.parametrize(("revision", "message"), [("9999", "newer than"), ("0000", "older than .*pdlab db upgrade")])
-def test_a_store_of_another_revision_says_what_to_do(
-    tmp_path: Path, revision: str, message: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "lab.db"
-    open_store(str(path)).close()
-    with sqlite3.connect(path) as connection:
-        connection.execute("UPDATE alembic_version SET version_num = ?", (revision,))
-    connection.close()
-    if revision == "0000":
-        monkeypatch.setattr(opening, "_known_revisions", lambda: {"0000", "0001"})
-    with pytest.raises(StoreError, match=message):
-        open_store(str(path))
-    if revision == "9999":
-        with pytest.raises(StoreError, match=message):
-            upgrade(str(path))
-
-
-def test_upgrade_makes_a_store_once(tmp_path: Path) -> None:
-    url = str(tmp_path / "lab.db")
-    assert upgrade(url)[0] is None
-    before, after = upgrade(url)
-    assert before == after
-
-
-def test_models_equal_migrations(store: Store) -> None:
-    assert isinstance(store.writer, sa.Connection)
-    assert compare_metadata(MigrationContext.configure(store.writer), Base.metadata) == []
-
-
-def test_checks_equal_migrations(store: Store) -> None:
-    assert isinstance(store.writer, sa.Connection)
-    inspector = sa.inspect(store.writer)
-    for table in Base.metadata.sorted_tables:
-        wanted = {str(check.name) for check in table.constraints if isinstance(check, sa.CheckConstraint)}
-        assert {check["name"] for check in inspector.get_check_constraints(table.name)} == wanted, table.name
-
-
 @pytest.mark.parametrize(
     "row",
     [
@@ -136,9 +100,8 @@ def test_a_sieve_result_has_exactly_one_value(store: Store) -> None:
         session.add(Aggregate(name="A", delivery="", sieve_analyses=[analysis]))
 
 
-def test_a_block_that_fails_keeps_nothing(tmp_path: Path) -> None:
-    opened = open_store(str(tmp_path / "lab.db"))
-
+@both
+def test_a_block_that_fails_keeps_nothing(opened: Store) -> None:
     def fail() -> None:
         with opened.write() as session:
             session.add(Aggregate(name="A", delivery=""))
@@ -151,15 +114,80 @@ def test_a_block_that_fails_keeps_nothing(tmp_path: Path) -> None:
         assert find_aggregate(session, "A", "") is None
 
 
-def test_a_store_locked_by_another_writer_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opening, "LOCK_TIMEOUT", 0.1)
-    opened = open_store(str(tmp_path / "lab.db"))
-    with sqlite3.connect(tmp_path / "lab.db", isolation_level=None) as other:
-        other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(StoreError, match=r"cannot be used \(database is locked\)"), opened.write() as session:
-            session.add(Aggregate(name="A", delivery=""))
-        other.execute("ROLLBACK")
+@both
+def test_a_store_locked_by_another_writer_is_a_sentence(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(databases, "LOCK_TIMEOUT", 0.1)
+    one, other = open_store(address), open_store(address)
+    refused = pytest.raises(StoreError, match=r"cannot be used \(.*lock.*\); end what else writes to it, or try again")
+    with one.write() as session:
+        session.add(Aggregate(name="A", delivery=""))
+        session.flush()
+        with refused, other.write() as late:
+            late.add(Aggregate(name="B", delivery=""))
+    with other.read() as session:
+        assert find_aggregate(session, "A", "") is not None
+    one.close()
     other.close()
+
+
+@both
+def test_writers_wait_for_each_other_so_that_no_update_is_lost(opened: Store) -> None:
+    with opened.write() as session:
+        session.add(Aggregate(name="A", delivery="", shape="0"))
+
+    def count_up(_: int) -> None:
+        with opened.write() as session:
+            session.execute(  # read, then write: not through the row's version, which would refuse
+                sa.update(Aggregate).values(shape=str(int(session.scalars(sa.select(Aggregate.shape)).one() or "") + 1))
+            )
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(count_up, range(40)))
+    with opened.read() as session:
+        assert session.scalars(sa.select(Aggregate.shape)).one() == "40"
+
+
+@both
+def test_a_reader_sees_one_state_while_others_write(opened: Store) -> None:
+    count = sa.select(sa.func.count()).select_from(Aggregate)
+    with opened.read() as session:
+        assert session.scalar(count) == 0
+
+        def write() -> None:
+            with opened.write() as other:
+                other.add(Aggregate(name="A", delivery=""))
+
+        thread = threading.Thread(target=write)
+        thread.start()
+        thread.join()
+        assert session.scalar(count) == 0
+    with opened.read() as session:
+        assert session.scalar(count) == 1
+
+
+@both
+def test_stores_opened_at_once_are_made_once(address: str) -> None:
+    with ThreadPoolExecutor(4) as threads:
+        stores = list(threads.map(lambda _: open_store(address), range(4)))
+    with stores[0].read() as session:
+        assert len(session.connection().exec_driver_sql("SELECT version_num FROM alembic_version").all()) == 1
+    for made in stores:
+        made.close()
+
+
+@both
+def test_numbers_of_numpy_and_nan_come_back_as_plain_values(opened: Store) -> None:
+    steps, density = np.int64(5), np.float64(0.1) + 0.2
+    row = Run(specimen_hash="0" * 64, specimen="{}", engine_version=1, seed=1, spheres=1, state="failed")
+    row.steps, row.packing_density, row.height = steps, density, float("nan")
+    with opened.write() as session:
+        session.add(row)
+    with opened.read() as session:
+        kept = session.scalars(sa.select(Run)).one()
+        plain = session.connection().exec_driver_sql("SELECT steps, packing_density, height FROM run").one()
+    assert (kept.steps, kept.packing_density, kept.height) == tuple(plain) == (5, 0.1 + 0.2, None)
+    assert type(plain[0]) is int
+    assert kept.created_at == row.created_at
 
 
 def test_a_folder_and_a_foreign_database_with_our_revision_are_refused(tmp_path: Path) -> None:

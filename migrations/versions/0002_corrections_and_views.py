@@ -26,7 +26,47 @@ def measured(density: str) -> str:
     END"""
 
 
-# the last one asked for counts, also where it failed, unless a sieve analysis or a density test came since
+# what a result changes with; names, sources and remarks do not count
+NUMBERS = (
+    "particle_density_kg_m3", "density_basis", "water_absorption_percent", "kind", "sample_mass_g", "pan_lower_mm",
+    "aperture_mm", "retained_g", "retained_percent", "passing_percent", "compaction", "bulk_density_kg_m3",
+    "voids_percent", "packing_density", "repeats", "standard_deviation", "solid_volume_share",
+)  # fmt: skip
+
+
+def corrected(rows: str, since: str) -> str:
+    """Whether a number in some rows was corrected since then and not put back."""
+    same = "{0}.table_name = k.table_name AND {0}.row_key = k.row_key AND {0}.column_name = k.column_name"
+    return f"""EXISTS (
+        SELECT 1 FROM correction k
+        WHERE k.corrected_at > {since} AND ({rows}) AND k.column_name IN {NUMBERS}
+            AND NOT EXISTS (
+                SELECT 1 FROM correction e WHERE {same.format("e")} AND e.id < k.id AND e.corrected_at > {since}
+            )
+            AND coalesce(k.old_value, '') <> coalesce(
+                (SELECT n.new_value FROM correction n WHERE {same.format("n")} ORDER BY n.id DESC LIMIT 1), ''
+            )
+    )"""
+
+
+OF_CALIBRATION = """
+    k.table_name = 'aggregate' AND k.row_key = CAST(c.aggregate_id AS TEXT)
+    OR k.table_name = 'packing_test' AND k.row_key = CAST(c.packing_test_id AS TEXT)
+    OR k.table_name = 'sieve_analysis' AND k.row_key = CAST(c.sieve_analysis_id AS TEXT)
+    OR k.table_name = 'sieve_result' AND k.row_key LIKE CAST(c.sieve_analysis_id AS TEXT) || '/%'
+"""
+OF_MIXTURE = "k.table_name = 'mixture_component' AND k.row_key LIKE CAST(m.id AS TEXT) || '/%'"
+
+OUTDATED_CALIBRATIONS = f"""
+CREATE VIEW outdated_calibrations AS
+SELECT c.id AS calibration_id, a.id AS aggregate_id, a.name AS aggregate
+FROM calibration c JOIN aggregate a ON a.id = c.aggregate_id
+WHERE c.sieve_analysis_id <> (SELECT max(x.id) FROM sieve_analysis x WHERE x.aggregate_id = c.aggregate_id)
+    OR c.packing_test_id <> (SELECT max(x.id) FROM packing_test x WHERE x.aggregate_id = c.aggregate_id)
+    OR {corrected(OF_CALIBRATION, "c.requested_at")}
+"""
+
+# the last one asked for counts, also where it failed, unless it is outdated
 CURRENT_AGGREGATES = f"""
 CREATE VIEW current_aggregates AS
 SELECT
@@ -41,19 +81,11 @@ LEFT JOIN sieve_analysis s ON s.id = (SELECT max(x.id) FROM sieve_analysis x WHE
 LEFT JOIN packing_test t ON t.id = (SELECT max(x.id) FROM packing_test x WHERE x.aggregate_id = a.id)
 LEFT JOIN calibration c ON c.id = (
     SELECT x.id FROM calibration x
-    WHERE x.aggregate_id = a.id AND x.sieve_analysis_id = s.id AND x.packing_test_id = t.id
-        AND x.state IN ('done', 'failed')
+    WHERE x.aggregate_id = a.id AND x.state IN ('done', 'failed')
+        AND x.id NOT IN (SELECT calibration_id FROM outdated_calibrations)
     ORDER BY x.requested_at DESC, x.id DESC LIMIT 1
 )
 WHERE a.id = (SELECT max(x.id) FROM aggregate x WHERE x.name = a.name)
-"""
-
-OUTDATED_CALIBRATIONS = """
-CREATE VIEW outdated_calibrations AS
-SELECT c.id AS calibration_id, a.id AS aggregate_id, a.name AS aggregate
-FROM calibration c JOIN aggregate a ON a.id = c.aggregate_id
-WHERE c.sieve_analysis_id <> (SELECT max(x.id) FROM sieve_analysis x WHERE x.aggregate_id = c.aggregate_id)
-    OR c.packing_test_id <> (SELECT max(x.id) FROM packing_test x WHERE x.aggregate_id = c.aggregate_id)
 """
 
 # by solid volume, and none where one aggregate's is unknown
@@ -71,11 +103,11 @@ FROM (
     SELECT
         m.id AS mixture_id, m.name AS mixture, p.id AS prediction_id,
         CASE
-            WHEN p.state = 'done' AND EXISTS (
+            WHEN p.state = 'done' AND (EXISTS (
                 SELECT 1 FROM prediction_calibration l
                 WHERE l.prediction_id = p.id
                     AND l.calibration_id IN (SELECT calibration_id FROM outdated_calibrations)
-            ) THEN 'outdated'
+            ) OR {corrected(OF_MIXTURE, "p.requested_at")}) THEN 'outdated'
             ELSE coalesce(p.state, 'open')
         END AS state,
         p.method, p.engine_version, p.packing_density AS predicted, p.standard_error, p.input_error,
@@ -130,15 +162,15 @@ def upgrade() -> None:
     op.drop_index(op.f("ix_prediction_mixture_id"), table_name="prediction")
     op.create_index("ix_mixture_component_shares", "mixture_component", SHARES)
     op.create_index("ix_prediction_newest", "prediction", NEWEST_PREDICTION)
-    op.execute(CURRENT_AGGREGATES)
     op.execute(OUTDATED_CALIBRATIONS)
+    op.execute(CURRENT_AGGREGATES)
     op.execute(PREDICTED_VS_MEASURED)
 
 
 def downgrade() -> None:
     op.execute("DROP VIEW predicted_vs_measured")
-    op.execute("DROP VIEW outdated_calibrations")
     op.execute("DROP VIEW current_aggregates")
+    op.execute("DROP VIEW outdated_calibrations")
     op.drop_index("ix_prediction_newest", table_name="prediction")
     op.drop_index("ix_mixture_component_shares", table_name="mixture_component")
     op.create_index(op.f("ix_prediction_mixture_id"), "prediction", ["mixture_id"])

@@ -1,6 +1,5 @@
 """Calibrate aggregates: the runs they share, the curve, the rows that keep it."""
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from pdlab import calibration, grading, store
 from pdlab.calibration import METHOD
 from pdlab.density import MeasuredPacking
 from pdlab.errors import EngineError, InputError, PdlabError
-from pdlab.experiments.readings import current_grading, measured_test, particle_density
+from pdlab.experiments.readings import current_grading, measured_test, particle_density, protocol_text
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
 from pdlab.specimen import Packing, Protocol, Specimen, protocol_of
@@ -155,11 +154,6 @@ def _fill_curves(waiting: list[_Open], run_all: RunAll, seeds: int) -> None:
             return
 
 
-def protocol_text(protocol: Protocol) -> str:
-    """Return a protocol as it is kept with its results."""
-    return json.dumps(protocol.settings(), sort_keys=True)
-
-
 def _facts_of(one: _Open, result: calibration.Calibrated) -> dict[str, Any]:
     return {
         "state": "done",
@@ -196,10 +190,11 @@ def _save_calibration(target: Store, one: _Open, rule: str, outcome: dict[str, A
             row = Calibration(progress=1.0, finished_at=now(), runs=evidence, **facts)
             store.add_all(session, [row])
         row.requested_at = now()
-        return _calibration_report(one.aggregate, row)
+        return calibration_report(one.aggregate, row)
 
 
-def _calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
+def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
+    """Return a stored calibration that is done as the report it gave."""
     result = calibration.Calibrated(
         friction=float(row.friction or 0.0),
         low=row.friction_low,

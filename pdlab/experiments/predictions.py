@@ -1,15 +1,16 @@
 """Predict mixtures from calibrated aggregates, and set predictions beside measurements."""
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pdlab import mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import InputError, PdlabError, TooSoft
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, protocol_text
-from pdlab.experiments.readings import is_stale, measured_mixture
+from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, calibration_report
+from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
 from pdlab.specimen import Packing, Specimen, protocol_of
@@ -82,7 +83,7 @@ def predict(
     _run_blends(blends, run_all, seeds)
     for blend in blends:
         _save_prediction(target, blend)
-    fresh = {report.mixture: report for report in comparisons(target, [blend.row.name for blend in blends])}
+    fresh = {report.mixture: report for report in comparisons(target, names=[blend.row.name for blend in blends])}
     return [
         fresh[blend.row.name]
         if blend.error is None
@@ -173,17 +174,28 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
         row.requested_at = now()
 
 
-def comparisons(target: Store, names: Sequence[str] = (), newest: int | None = None) -> list[PredictionReport]:
+def comparisons(
+    target: Store, engine_version: int | None = None, names: Sequence[str] = (), newest: int | None = None
+) -> list[PredictionReport]:
     """Return each mixture's last prediction asked for beside its current measurement, oldest mixture first.
 
-    All mixtures, the named, or so many of the ``newest``. A mixture without a prediction has the state
-    ``open``. Raises UnknownName.
+    All mixtures, the named, or so many of the ``newest``. A mixture without a prediction has the state ``open``;
+    ``outdated`` is a prediction of other proportions, tests or sieves than the store's, or of an older engine than
+    ``engine_version``, by default the newest there. Raises UnknownName.
     """
     with target.read() as session:
         rows = store.mixtures(session, names, newest)
+        newest_engine = engine_version or store.newest_engine(session)
         found = store.newest_predictions(session, [row.id for row in rows])
         spread = store.differences(session)
-    reports = [_comparison(found[row.id]) if row.id in found else _open_comparison(row) for row in rows]
+    fits = {link.calibration_id: link.calibration for row in found.values() for link in row.calibrations}
+    stale = {key for key, fit in fits.items() if is_stale(fit)}
+    reports = [
+        _comparison(found[row.id], _outdated(found[row.id], stale, newest_engine))
+        if row.id in found
+        else _open_comparison(row)
+        for row in rows
+    ]
     return [
         _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0)))
         for report in reports
@@ -201,12 +213,9 @@ def _open_comparison(row: Mixture) -> PredictionReport:
     )
 
 
-def _comparison(row: Prediction) -> PredictionReport:
+def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
     measured = measured_mixture(row.mixture)
-    notes = [row.message or "", *(row.warnings or "").splitlines()]
-    stale = [link.calibration.aggregate.name for link in row.calibrations if is_stale(link.calibration)]
-    if stale:
-        notes.append(f"{', '.join(stale)}: tested or sieved anew since; run 'pdlab predict' again")
+    notes = [row.message or "", *(row.warnings or "").splitlines(), *outdated]
     return PredictionReport(
         mixture=row.mixture.name,
         method=row.method,
@@ -218,11 +227,44 @@ def _comparison(row: Prediction) -> PredictionReport:
         measured_error=measured.standard_error if measured else None,
         volume_mean=_volume_mean(row) if row.state == "done" else None,
         seeds=len(row.runs),
-        state="outdated" if stale and row.state == "done" else row.state,
+        state="outdated" if outdated and row.state == "done" else row.state,
         message="; ".join(note for note in notes if note),
         prediction_id=row.id,
         engine_version=row.engine_version,
     )
+
+
+def _outdated(row: Prediction, stale: Collection[int], newest_engine: int | None) -> list[str]:
+    """Return why a prediction is not what the store would give now, and what to do; empty where it is.
+
+    ``stale``: the ids of calibrations that are not.
+    """
+    out = []
+    names = [link.calibration.aggregate.name for link in row.calibrations if link.calibration_id in stale]
+    older = older_engine(row.engine_version, newest_engine)
+    if names:
+        out.append(f"{', '.join(names)}: tested or sieved anew since, or corrected; run 'pdlab predict' again")
+    if older:
+        out.append(older)
+    # an older engine's beds, or those of other diameters, say nothing of the proportions
+    if not out and row.state == "done" and not _rests_on_these_proportions(row):
+        out.append("the mixture was corrected since; run 'pdlab predict' again")
+    return out
+
+
+def _rests_on_these_proportions(row: Prediction) -> bool:
+    """Return whether the bed that the mixture's shares ask for now is among the prediction's runs."""
+    fits = [link.calibration for link in row.calibrations]
+    known = {fit.aggregate_id: calibration_report(fit.aggregate, fit) for fit in fits}
+    if known.keys() != {part.aggregate_id for part in row.mixture.components}:
+        return False
+    parts = _open_blend(row.mixture, known).parts
+    try:
+        stiffer = mixture.common_protocol(parts).nominal_overlap / json.loads(row.protocol)["nominal_overlap"]
+        bed = mixture.next_specimens(parts, [], stiffer=stiffer)[0]
+    except PdlabError:  # what the rows say now cannot be simulated at all
+        return False
+    return bed.digest(row.engine_version or 0) in {run.specimen_hash for run in row.runs}
 
 
 def _volume_mean(row: Prediction) -> float:

@@ -1,5 +1,6 @@
 """What stored rows say: gradings, particle densities, measured packing densities."""
 
+import json
 import math
 from dataclasses import dataclass, replace
 
@@ -7,6 +8,7 @@ from pdlab import density, grading, store
 from pdlab.density import MeasuredPacking
 from pdlab.grading import Grading, SieveRow, SieveTable
 from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, SieveAnalysis
+from pdlab.specimen import Protocol, protocol_of
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS
 
@@ -59,11 +61,33 @@ def current_grading(aggregate: Aggregate) -> Grading | None:
     return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]))
 
 
+def protocol_text(protocol: Protocol) -> str:
+    """Return a protocol as it is kept with its results."""
+    return json.dumps(protocol.settings(), sort_keys=True)
+
+
 def is_stale(fit: Calibration) -> bool:
-    """Return whether an aggregate was tested or sieved anew since its calibration."""
+    """Return whether an aggregate was tested or sieved anew since its calibration, or one of the two corrected."""
     row = fit.aggregate
-    test = store.newest_test(row.packing_tests)
-    return test is None or test.id != fit.packing_test_id or row.sieve_analyses[-1].id != fit.sieve_analysis_id
+    test, sieved = store.newest_test(row.packing_tests), current_grading(row)
+    if test is None or sieved is None:
+        return True
+    if (test.id, row.sieve_analyses[-1].id) != (fit.packing_test_id, fit.sieve_analysis_id):
+        return True
+    measured = measured_test(test, particle_density(row))
+    return (
+        measured.packing_density != fit.measured_packing_density
+        or (fit.state == "done" and measured.standard_error != fit.input_error)
+        or grading.equivalent_diameters(sieved, [fit.diameter_rule])[fit.diameter_rule] != fit.diameter_mm
+        or protocol_text(protocol_of(test.compaction)) != fit.protocol
+    )
+
+
+def older_engine(version: int | None, newest: int | None) -> str:
+    """Return what to say of a result of an older engine than the ``newest``; empty where it is none."""
+    if version is None or newest is None or version >= newest:
+        return ""
+    return f"of engine version {version}; run 'pdlab refresh'"
 
 
 @dataclass(frozen=True)
@@ -85,15 +109,22 @@ class Summary:
     message: str = ""
 
 
-def summaries(target: Store) -> list[Summary]:
-    """Return what is known of each aggregate's newest delivery."""
+def summaries(target: Store, engine_version: int | None = None) -> list[Summary]:
+    """Return what is known of each aggregate's newest delivery.
+
+    A calibration of an older engine than ``engine_version``, by default the newest in the store, says so.
+    """
     with target.read() as session:
         rows = store.aggregates(session)
-        current = store.current_calibrations(session)
-    return [_summary(row, current.get(row.id)) for row in rows]
+        newest = engine_version or store.newest_engine(session)
+        last: dict[int, Calibration] = {}
+        for fit in store.calibrations(session, [row.id for row in rows]):
+            if not is_stale(fit):
+                last.setdefault(fit.aggregate_id, fit)
+    return [_summary(row, last.get(row.id), newest) for row in rows]
 
 
-def _summary(row: Aggregate, fit: Calibration | None) -> Summary:
+def _summary(row: Aggregate, fit: Calibration | None, newest: int | None) -> Summary:
     sieved = current_grading(row)
     diameter = grading.equivalent_diameter(sieved) if sieved else None
     known = Summary(row.name, row.delivery, row.source, sieved, diameter, measured_aggregate(row))
@@ -101,5 +132,5 @@ def _summary(row: Aggregate, fit: Calibration | None) -> Summary:
         return known
     return replace(
         known, friction=fit.friction, friction_low=fit.friction_low, friction_high=fit.friction_high,
-        message=fit.message or "",
+        message=fit.message or older_engine(fit.engine_version, newest),
     )  # fmt: skip

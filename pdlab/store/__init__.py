@@ -1,38 +1,58 @@
 """The store: databases, transactions and the only SELECTs."""
 
-from pdlab.store.lists import SHOWN, SIZES, column_kinds, count_rows, current_analyses, differences, list_rows
-from pdlab.store.opening import Store, migrate, open_store, store_url, upgrade
+from pdlab.store.copying import TableCopy, backup, copy
+from pdlab.store.databases import shown_url, store_url
+from pdlab.store.descent import (
+    blends_with,
+    corrections,
+    find_row,
+    last_calibration,
+    last_prediction,
+    resting_on,
+    with_descent,
+)
+from pdlab.store.lists import SHOWN, SIZES, Known, column_kinds, count_rows, current_analyses, differences, list_rows
+from pdlab.store.opening import Store, Upgraded, open_store, upgrade
+from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
     add_all,
     aggregates,
     aggregates_by_id,
     calibrations,
-    current_calibrations,
     deliveries,
     done_runs,
     equal_results,
     find_aggregate,
     find_bed,
     find_mixture,
+    find_run,
     mixtures,
+    newest_engine,
     newest_predictions,
     newest_test,
     predictions,
+    runs,
     save_run,
 )
 
 __all__ = [
     "SHOWN",
     "SIZES",
+    "Known",
     "Store",
+    "TableCopy",
+    "Upgraded",
     "add_all",
     "aggregates",
     "aggregates_by_id",
+    "backup",
+    "blends_with",
     "calibrations",
     "column_kinds",
+    "copy",
+    "corrections",
     "count_rows",
     "current_analyses",
-    "current_calibrations",
     "deliveries",
     "differences",
     "done_runs",
@@ -40,14 +60,23 @@ __all__ = [
     "find_aggregate",
     "find_bed",
     "find_mixture",
+    "find_row",
+    "find_run",
+    "last_calibration",
+    "last_prediction",
     "list_rows",
     "migrate",
     "mixtures",
+    "newest_engine",
     "newest_predictions",
     "newest_test",
     "open_store",
     "predictions",
+    "resting_on",
+    "runs",
     "save_run",
+    "shown_url",
     "store_url",
     "upgrade",
+    "with_descent",
 ]

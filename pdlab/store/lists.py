@@ -12,15 +12,13 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Session, selectinload
 
-from pdlab.models import Aggregate, Mixture, MixtureComponent, Run, SieveAnalysis, UtcDateTime
+from pdlab.models import Aggregate, Correction, Mixture, MixtureComponent, Run, SieveAnalysis, UtcDateTime
 
 Column = sa.ColumnElement[Any]
 Columns = Mapping[str, Column]
 Value = str | float | dt.date | None
 Condition = tuple[str, str, Value]
 """A column, one of = != < <= > >= ~ (contains), and a value, None for missing; points in time go by their day, UTC."""
-Sizes = Sequence[tuple[int, float, float, float]]
-"""Of each current sieve analysis its id, finest size, coarsest size and equivalent diameter [mm]."""
 
 SHOWN = {
     "aggregates": (
@@ -36,6 +34,7 @@ SHOWN = {
         "mixture", "method", "packing_density", "standard_error", "input_error", "expected_error", "measured",
         "difference", "state", "message",
     ),
+    "corrections": ("at", "by", "row", "column", "before", "after", "reason"),
 }  # fmt: skip
 """The lists, each with the columns shown where none are asked for."""
 SIZES = ("finest_mm", "coarsest_mm", "diameter_mm")
@@ -63,6 +62,21 @@ SOURCES = _view("prediction_calibration", prediction_id=sa.Integer, calibration_
 
 
 @dataclass(frozen=True)
+class Known:
+    """What the database cannot tell of itself.
+
+    ``sizes``: the ids of the sieve analyses to be shown, each with its finest size, coarsest size and equivalent
+    diameter [mm]; ``engine_version``: results of older ones are outdated.
+    """
+
+    sizes: Sequence[tuple[int, float, float, float]] = ()
+    engine_version: int = 0
+
+
+NOTHING = Known()
+
+
+@dataclass(frozen=True)
 class _List:
     """Where a list's rows come from, its columns by name, its key, and its order where none is asked for.
 
@@ -76,12 +90,15 @@ class _List:
     order: tuple[Column, ...] = ()
 
 
-def _aggregates(sizes: Sizes) -> _List:
+def _aggregates(known: Known) -> _List:
     header = (sa.column("id", sa.Integer), *(sa.column(name, sa.Float) for name in SIZES))
-    table = sa.values(*header, literal_binds=True).data(list(sizes) or [(0, 0.0, 0.0, 0.0)]).cte("sizes")
+    table = sa.values(*header, literal_binds=True).data(list(known.sizes) or [(0, 0.0, 0.0, 0.0)]).cte("sizes")
     columns: dict[str, Column] = {"aggregate": CURRENT.c.name, "packing_density": CURRENT.c.measured_packing_density}
     columns |= {name: table.c[name] for name in SIZES}
     columns |= {column.key: column for column in CURRENT.c if column.key not in ("name", "measured_packing_density")}
+    columns["message"] = sa.func.coalesce(
+        sa.func.nullif(CURRENT.c.message, ""), _older(CURRENT.c.engine_version, known), type_=sa.Text
+    )
     source = CURRENT.outerjoin(table, table.c.id == CURRENT.c.sieve_analysis_id)
     return _List(source, columns, (CURRENT.c.aggregate_id,))
 
@@ -110,7 +127,21 @@ def _runs() -> _List:
     return _List(table, columns, (table.c.finished_at, table.c.specimen_hash), order)
 
 
-def _predictions(names: Collection[str]) -> _List:
+def _corrections() -> _List:
+    table = Correction.__table__
+    row = table.c.table_name + sa.literal(":") + table.c.row_key
+    names = {"at": "corrected_at", "by": "corrected_by", "column": "column_name", "before": "old_value"}
+    columns = {key: table.c[name] for key, name in (names | {"after": "new_value", "reason": "reason"}).items()}
+    return _List(table, columns | {"row": row}, (table.c.id,))
+
+
+def _older(engine_version: Column, known: Known) -> Column:
+    """Return what to say of a result of an older engine; missing where it is none."""
+    text = sa.literal("of engine version ") + sa.cast(engine_version, sa.Text) + sa.literal("; run 'pdlab refresh'")
+    return sa.case((engine_version < known.engine_version, text))
+
+
+def _predictions(names: Collection[str], known: Known) -> _List:
     pairs: sa.FromClause = PAIRS
     if "expected_error" in names:  # it rests on all rows: what the view gives once is then read twice
         pairs = _once(*PAIRS.c)
@@ -118,7 +149,9 @@ def _predictions(names: Collection[str]) -> _List:
     columns: dict[str, Column] = {"packing_density": pairs.c.predicted, "difference": difference}
     columns |= {
         column.key: column for column in pairs.c if column.key not in ("mixture_id", "predicted", "warnings")
-    } | {"message": _message(pairs)}
+    } | {"message": _message(pairs, known)}
+    older = (pairs.c.state == "done") & (pairs.c.engine_version < known.engine_version)
+    columns["state"] = sa.case((older, "outdated"), else_=pairs.c.state)
     if "expected_error" not in names:
         return _List(pairs, columns, (pairs.c.mixture_id,))
     spread = _spread(pairs).cte("spread")
@@ -150,19 +183,23 @@ def _expected_error(pairs: sa.FromClause, spread: sa.FromClause, difference: Col
     return sa.case((pairs.c.predicted.is_not(None), sa.func.sqrt(whole, type_=sa.Float)))
 
 
-def _message(pairs: sa.FromClause) -> Column:
-    """Return what there is to say of a prediction: why there is none, its warnings, what came since."""
+def _message(pairs: sa.FromClause, known: Known) -> Column:
+    """Return what there is to say of a prediction: why there is none, its warnings, what changed since."""
     names = (
         sa.select(sa.func.aggregate_strings(OUTDATED.c.aggregate, ", "))
         .select_from(SOURCES.join(OUTDATED, SOURCES.c.calibration_id == OUTDATED.c.calibration_id))
         .where(SOURCES.c.prediction_id == pairs.c.prediction_id)
         .scalar_subquery()
     )
-    since = names + sa.literal(": tested or sieved anew since; run 'pdlab predict' again")
+    since = names + sa.literal(": tested or sieved anew since, or corrected; run 'pdlab predict' again")
+    older = _older(pairs.c.engine_version, known)
+    shares = sa.case((names.is_(None) & older.is_(None), "the mixture was corrected since; run 'pdlab predict' again"))
     notes = (
         pairs.c.message,
         sa.func.replace(pairs.c.warnings, "\n", "; ", type_=sa.Text),
         sa.case((pairs.c.state.in_(("outdated", "failed")), since)),  # else not even asked for
+        older,
+        sa.case((pairs.c.state == "outdated", shares)),
     )
     said: Column = sa.literal("")
     for note in notes:
@@ -171,16 +208,18 @@ def _message(pairs: sa.FromClause) -> Column:
     return sa.case((pairs.c.state == "open", none_yet), else_=sa.func.substr(said, 3, type_=sa.Text))
 
 
-def _list(what: str, names: Collection[str], sizes: Sizes) -> _List:
+def _list(what: str, names: Collection[str], known: Known) -> _List:
     if what == "aggregates":
-        return _aggregates(sizes)
-    return _predictions(names) if what == "predictions" else _mixtures() if what == "mixtures" else _runs()
+        return _aggregates(known)
+    if what == "predictions":
+        return _predictions(names, known)
+    return {"mixtures": _mixtures, "runs": _runs, "corrections": _corrections}[what]()
 
 
 def column_kinds(what: str) -> dict[str, type]:
     """Return the columns of a list, those shown first, each with str, float or dt.date, the kind of its values."""
     kinds = {str: str, int: float, float: float, dt.datetime: dt.date}
-    columns = _list(what, SHOWN[what], ()).columns
+    columns = _list(what, SHOWN[what], Known()).columns
     return {name: kinds[columns[name].type.python_type] for name in dict.fromkeys((*SHOWN[what], *columns))}
 
 
@@ -191,16 +230,16 @@ def list_rows(
     conditions: Sequence[Condition] = (),
     order: Sequence[tuple[str, bool]] = (),
     limit: int | None = None,
-    sizes: Sizes = (),
+    known: Known = NOTHING,
 ) -> list[tuple[Any, ...]]:
     """Return a list's ``columns``, row by row.
 
     ``order``: columns to sort by, each with whether its values fall; texts without regard to case, what is
-    missing last. ``sizes``:
-    of the current sieve analyses, where one of SIZES is among the columns.
+    missing last. ``known``:
+    with the sizes where one of SIZES is among the columns.
     """
     names = {*columns, *(name for name, *_ in conditions), *(name for name, _ in order)}
-    found = _list(what, names, sizes)
+    found = _list(what, names, known)
     asked = [(_rank(found.columns[name]), falls) for name, falls in order]
     query = (
         sa.select(*(found.columns[name].label(name) for name in columns))
@@ -218,9 +257,9 @@ def _rank(column: Column) -> Column:
     return sa.func.lower(column) if column.type.python_type is str else column
 
 
-def count_rows(session: Session, what: str, conditions: Sequence[Condition] = (), sizes: Sizes = ()) -> int:
+def count_rows(session: Session, what: str, conditions: Sequence[Condition] = (), known: Known = NOTHING) -> int:
     """Return how many rows of a list meet the conditions."""
-    found = _list(what, {name for name, *_ in conditions}, sizes)
+    found = _list(what, {name for name, *_ in conditions}, known)
     query = (
         sa.select(sa.func.count())
         .select_from(found.source)
@@ -244,7 +283,9 @@ def _meets(column: Column, comparison: str, value: Value) -> Column:
     if value is None:
         missing = sa.func.coalesce(column, "") == "" if column.type.python_type is str else column.is_(None)
         return missing if comparison == "=" else sa.not_(missing)
-    if not isinstance(value, dt.date):
+    if isinstance(value, float):
+        return COMPARISONS[comparison](sa.type_coerce(column, sa.Double), value)  # a whole number's column too
+    if isinstance(value, str):
         return COMPARISONS[comparison](column, value)
     first, last = (dt.datetime.combine(value, time, dt.UTC) for time in (dt.time.min, dt.time.max))
     if comparison in ("=", "!="):

@@ -1,81 +1,59 @@
-"""Databases, revisions and transactions.
+"""Opening a store, its transactions, and bringing it to the newest revision."""
 
-Two engines stand on one SQLite file: the writer's transactions take the lock when they begin, so that
-writers queue up instead of failing; the reader's do not.
-"""
-
+import datetime as dt
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import sqlalchemy as sa
-from alembic import command
-from alembic.config import Config
-from alembic.script import ScriptDirectory
 from sqlalchemy.orm import Session
-from sqlalchemy.pool import StaticPool
 
-from pdlab.errors import StoreError
-
-DEFAULT_URL = "sqlite:///pdlab.db"
-LOCK_TIMEOUT = 30.0
-"""Seconds that a writer waits for another."""
-CACHE = 64_000
-"""Most KiB of a SQLite file that a connection keeps in memory."""
-
-
-def store_url(given: str | os.PathLike[str] | None) -> str:
-    """Return the store's URL: the one given, else PDLAB_STORE, else pdlab.db in this folder.
-
-    A path without a scheme is a SQLite file.
-    """
-    url = (os.fspath(given) if given else None) or os.environ.get("PDLAB_STORE") or DEFAULT_URL
-    return url if ":" in url.replace(":\\", "") else f"sqlite:///{url}"
-
-
-def _migrations() -> Config:
-    """Return Alembic's configuration: the migrations lie in the package, in a checkout beside it."""
-    package = Path(__file__).parent.parent
-    folder = next(place / "migrations" for place in (package, package.parent) if (place / "migrations").is_dir())
-    config = Config()
-    config.set_main_option("script_location", str(folder).replace("%", "%%"))
-    return config
+from pdlab.errors import MigrationFailed
+from pdlab.store.copying import write_backup
+from pdlab.store.databases import (
+    connected,
+    engine,
+    in_memory,
+    is_sqlite,
+    named_errors,
+    parse,
+    reason,
+    remedy,
+    shown,
+    store_url,
+)
+from pdlab.store.revisions import check_revision, head, migrate, revision_of
 
 
 @dataclass(frozen=True)
 class Store:
-    """A store that is open: ``read`` and ``write`` give a session in one transaction each."""
+    """A store that is open: ``read`` and ``write`` give a session in one transaction each.
+
+    ``url`` is its address as it may be shown, without a password.
+    """
 
     url: str
-    reader: sa.Engine | sa.Connection
-    writer: sa.Engine | sa.Connection
+    reader: sa.Engine | sa.Connection = field(repr=False)
+    writer: sa.Engine | sa.Connection = field(repr=False)
     created: bool = False
 
     @contextmanager
     def read(self) -> Iterator[Session]:
-        """Give a session that sees one state of the store; nothing written in it is kept."""
-        with self._named_errors(), self._session(self.reader) as session:
+        """Give a session that sees one state of the store; nothing written in it is kept. Raises StoreError."""
+        with named_errors(self.url), self._session(self.reader) as session:
             yield session
 
     @contextmanager
     def write(self) -> Iterator[Session]:
-        """Give a session whose changes are kept together when the block ends well, else none."""
-        with self._named_errors(), self._session(self.writer) as session, session.begin():
-            yield session
+        """Give a session whose changes are kept together when the block ends well, else none.
 
-    @contextmanager
-    def _named_errors(self) -> Iterator[None]:
-        """Turn what the database cannot do now (locked, read-only, disk full) into a StoreError."""
-        try:
-            yield
-        except sa.exc.OperationalError as error:
-            raise StoreError(
-                f"the store {self.url} cannot be used ({error.orig}); end what else writes to it, allow writing, or "
-                "make room on the disk"
-            ) from error
+        Writers wait for each other, so that none writes over what it has not read. Raises StoreError.
+        """
+        with named_errors(self.url), self._session(self.writer) as session, session.begin():
+            yield session
 
     @staticmethod
     def _session(bind: sa.Engine | sa.Connection) -> Session:
@@ -90,155 +68,68 @@ class Store:
                 bind.dispose()
 
 
-def _sqlite_engine(url: sa.URL, begin: str, foreign_keys: bool = True) -> sa.Engine:
-    memory = url.database in (None, "", ":memory:")
-    pool: dict[str, Any] = {"poolclass": StaticPool} if memory else {}
-    engine = sa.create_engine(url, connect_args={"timeout": LOCK_TIMEOUT}, **pool)
-
-    @sa.event.listens_for(engine, "connect")
-    def prepare(connection: Any, _: Any) -> None:
-        connection.isolation_level = None  # transactions begin below, not when the driver thinks so
-        if begin == "BEGIN IMMEDIATE" and not memory:
-            connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=FULL")
-        connection.execute(f"PRAGMA cache_size=-{CACHE}")
-        connection.execute(f"PRAGMA foreign_keys={'ON' if foreign_keys else 'OFF'}")
-
-    @sa.event.listens_for(engine, "begin")
-    def start(connection: sa.Connection) -> None:
-        connection.exec_driver_sql(begin)
-
-    return engine
-
-
-def _engine(url: sa.URL, begin: str = "BEGIN", foreign_keys: bool = True) -> sa.Engine:
-    if url.get_backend_name() == "sqlite":
-        return _sqlite_engine(url, begin, foreign_keys)
-    return sa.create_engine(url)
-
-
-def _parse(url: str) -> sa.URL:
-    try:
-        parsed = sa.make_url(url)
-        backend = parsed.get_backend_name()
-        parsed.get_dialect()
-    except (sa.exc.ArgumentError, ValueError) as error:
-        raise StoreError(f"'{url}' is no store address; write sqlite:///FILE or a path") from error
-    if backend != "sqlite" or parsed.get_driver_name() != "pysqlite":
-        raise StoreError(f"'{backend}' stores cannot be opened by this version; write sqlite:///FILE or a path")
-    return parsed
-
-
 def open_store(given: str | os.PathLike[str] | None = None) -> Store:
-    """Open a store; a SQLite file that does not exist is made by the migrations.
+    """Open a store; a SQLite file that does not exist and an empty database are made by the migrations.
 
-    Raises StoreError for a file that is no store and for a store of an older or newer revision.
+    Raises StoreError for what is no store and for a store of an older or newer revision.
     """
-    url = _parse(store_url(given))
-    if url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:"):
-        engine = _engine(url)
-        migrate(engine)
-        return Store(str(url), engine, engine, created=True)
-    created = _revision(url) is None
-    if created:
-        upgrade(url.render_as_string(hide_password=False))
+    url = parse(store_url(given))
+    if in_memory(url):
+        memory = engine(url)
+        migrate(memory)
+        return Store(shown(url), memory, memory, created=True)
+    revision = revision_of(url)
+    if revision is None:
+        _upgrade(url, None)
     else:
-        _check_revision(url)
-    name = url.render_as_string(hide_password=False)
-    return Store(name, _engine(url), _engine(url, "BEGIN IMMEDIATE"), created)
+        check_revision(url, revision)
+    return Store(shown(url), engine(url), engine(url, writing=True), created=revision is None)
 
 
-def upgrade(given: str | os.PathLike[str] | None = None) -> tuple[str | None, str]:
-    """Bring a store to the newest revision, making it when it is missing; return before and after.
+class Upgraded(NamedTuple):
+    """The revisions of a store before (None: there was none) and after, and the backup made in between."""
 
-    All or nothing. Raises StoreError for a file that is no store and for a newer one.
+    before: str | None
+    after: str
+    backup: Path | None
+
+
+def upgrade(given: str | os.PathLike[str] | None = None) -> Upgraded:
+    """Bring a store to the newest revision after a backup, or make it when it is missing.
+
+    All or nothing. Raises StoreError for what is no store, for a newer one and for a backup that cannot be
+    written; MigrationFailed.
     """
-    url = _parse(store_url(given))
-    before = _revision(url)
+    url = parse(store_url(given))
+    before = revision_of(url)
     if before is not None:
-        _check_revision(url, older_is_fine=True)
-    if before != _head():
-        engine = _engine(url, "BEGIN IMMEDIATE", foreign_keys=False)
+        check_revision(url, before, older_is_fine=True)
+    kept = _upgrade(url, before) if before != head() else None
+    return Upgraded(before, head(), kept)
+
+
+def _upgrade(url: sa.URL, before: str | None) -> Path | None:
+    """Run the migrations in one transaction; return the backup of what was there."""
+    kept = None
+    with connected(url, writing=True, foreign_keys=False) as connection:
+        if before is not None:  # inside the lock: nobody writes between backup and migration
+            kept = _backup_name(url, before)
+            write_backup(url, before, kept)
         try:
-            migrate(engine)
-        except sa.exc.OperationalError as error:
-            raise StoreError(
-                f"{url.database} cannot be written ({error.orig}); allow writing there or choose another --store"
+            migrate(connection)
+        except Exception as error:
+            if isinstance(error, sa.exc.DBAPIError) and remedy(error):
+                raise
+            as_before = "the store is as it was" + (f" and as in the backup {kept}" if kept else "")
+            raise MigrationFailed(
+                f"the migration of {shown(url)} from revision {before or 'none'} to {head()} failed ({reason(error)}) "
+                f"and was undone, so {as_before}; report this"
             ) from error
-        finally:
-            engine.dispose()
-    return before, _head()
+    return kept
 
 
-def migrate(bind: sa.Engine | sa.Connection) -> None:
-    """Run the migrations on an engine, in one transaction, or on a connection within its own."""
-    config = _migrations()
-    if isinstance(bind, sa.Connection):
-        config.attributes["connection"] = bind
-        command.upgrade(config, "head")
-        return
-    with bind.begin() as connection:
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
-
-
-def _head() -> str:
-    head = ScriptDirectory.from_config(_migrations()).get_current_head()
-    assert head is not None, "the package lost its migrations"
-    return head
-
-
-def _known_revisions() -> set[str]:
-    return {script.revision for script in ScriptDirectory.from_config(_migrations()).walk_revisions()}
-
-
-def _revision(url: sa.URL) -> str | None:
-    """Return the revision of a store, None where there is none yet. Raises StoreError."""
-    path = Path(url.database or "")
-    try:
-        if not path.exists():
-            if not path.parent.is_dir():
-                raise StoreError(f"the folder of {path} does not exist; make it or choose another --store")
-            return None
-        if path.is_dir():
-            raise StoreError(f"{path} is a folder, no pdlab store; choose a file with --store")
-    except OSError as error:
-        raise StoreError(f"{path} cannot be opened ({error.strerror}); choose another --store") from error
-    engine = _engine(url)
-    try:
-        with engine.connect() as connection:
-            names = set(sa.inspect(connection).get_table_names())
-            rows = (
-                connection.exec_driver_sql("SELECT version_num FROM alembic_version").all()
-                if "alembic_version" in names
-                else []
-            )
-    except sa.exc.OperationalError as error:
-        raise StoreError(
-            f"{path} cannot be opened ({error.orig}); end what else uses it, or allow reading and writing it"
-        ) from error
-    except sa.exc.DatabaseError as error:
-        raise StoreError(f"{path} is no pdlab store ({error.orig}); choose another file with --store") from error
-    finally:
-        engine.dispose()
-    if not names:
-        return None
-    if len(rows) == 1 and names >= {"aggregate", "mixture", "run"}:
-        return str(rows[0][0])
-    raise StoreError(
-        f"{path} holds other tables ({', '.join(sorted(names)[:3])}), no pdlab store; choose another file with --store"
-    )
-
-
-def _check_revision(url: sa.URL, older_is_fine: bool = False) -> None:
-    revision, head = _revision(url), _head()
-    if revision not in _known_revisions():
-        raise StoreError(
-            f"{url.database} is a store of revision {revision}, newer than the {head} of this pdlab; "
-            "install a newer pdlab"
-        )
-    if revision != head and not older_is_fine:
-        raise StoreError(
-            f"{url.database} is a store of revision {revision}, older than the {head} of this pdlab; "
-            "run 'pdlab db upgrade'"
-        )
+def _backup_name(url: sa.URL, revision: str) -> Path:
+    """Return a backup's name with revision and time: beside a SQLite file, else in the current folder."""
+    place = Path(url.database or "store")
+    stamp = f"revision-{revision}.{dt.datetime.now(dt.UTC):%Y%m%dT%H%M%SZ}.db"
+    return place.with_name(f"{place.stem}.{stamp}") if is_sqlite(url) else Path(f"{place.name}.{stamp}")

@@ -20,7 +20,7 @@ from pdlab.models import (
     RunState,
     SieveAnalysis,
 )
-from pdlab.store.lists import CURRENT, PAIRS
+from pdlab.store.lists import PAIRS
 
 ENDED = ("done", "failed")
 MOST_VALUES = 10_000
@@ -46,8 +46,7 @@ _PREDICTIONS = (
         selectinload(Prediction.runs),
         selectinload(Prediction.calibrations)
         .selectinload(PredictionCalibration.calibration)
-        .selectinload(Calibration.aggregate)
-        .options(*_WITH_TESTS),
+        .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS), selectinload(Calibration.packing_test)),
     )
     .options(selectinload(Prediction.mixture).selectinload(Mixture.packing_tests))
     .options(selectinload(Prediction.mixture).selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
@@ -146,10 +145,15 @@ def save_run(session: Session, run: Run, state: RunState | None) -> None:
         session.merge(state)
 
 
-def find_bed(session: Session, beginning: str) -> tuple[Run, RunState]:
-    """Return the run whose specimen hash has this ``beginning``, 4 characters or more, and its bed.
+def runs(session: Session) -> list[Run]:
+    """Return all runs, the newest first."""
+    return list(session.scalars(sa.select(Run).order_by(Run.finished_at.desc(), Run.specimen_hash)))
 
-    Raises UnknownName unless there is exactly one, and when it keeps no bed.
+
+def find_run(session: Session, beginning: str) -> Run:
+    """Return the run whose specimen hash has this ``beginning``, 4 characters or more.
+
+    Raises UnknownName unless there is exactly one.
     """
     if not re.fullmatch("[0-9a-f]{4,64}", beginning):
         raise UnknownName(
@@ -166,12 +170,23 @@ def find_bed(session: Session, beginning: str) -> tuple[Run, RunState]:
             f"the hashes of several runs begin with {beginning}, among them "
             f"{' and '.join(run.specimen_hash[: len(beginning) + 4] for run in found)}; give more characters"
         )
-    bed = session.get(RunState, found[0].specimen_hash)
+    return found[0]
+
+
+def find_bed(session: Session, beginning: str) -> tuple[Run, RunState]:
+    """Return the run that ``find_run`` finds, and its bed. Raises UnknownName, also when it keeps no bed."""
+    run = find_run(session, beginning)
+    bed = session.get(RunState, run.specimen_hash)
     if bed is None:
         raise UnknownName(
-            f"run {found[0].specimen_hash[:12]} ({found[0].state}) keeps no bed; choose another, see 'pdlab ls runs'"
+            f"run {run.specimen_hash[:12]} ({run.state}) keeps no bed; choose another, see 'pdlab ls runs'"
         )
-    return found[0], bed
+    return run, bed
+
+
+def newest_engine(session: Session) -> int | None:
+    """Return the newest engine version that any run of the store is of, None without runs."""
+    return session.scalar(sa.select(sa.func.max(Run.engine_version)))
 
 
 def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:
@@ -180,12 +195,6 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
     if aggregate_ids is not None:
         query = query.where(Calibration.aggregate_id.in_(aggregate_ids))
     return list(session.scalars(query))
-
-
-def current_calibrations(session: Session) -> dict[int, Calibration]:
-    """Return, by aggregate, the calibration of its current sieve analysis and density test, done or failed."""
-    query = _CALIBRATIONS.where(Calibration.id.in_(sa.select(CURRENT.c.calibration_id)))
-    return {row.aggregate_id: row for row in session.scalars(query)}
 
 
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:

@@ -3,13 +3,23 @@
 from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
 from pdlab.tables.conditions import Condition, check_columns, parse_condition, parse_order
 from pdlab.tables.files import read_frame, read_frames, read_path
-from pdlab.tables.layout import DENSITY_KINDS, DENSITY_UNITS, LAYOUT, MixtureRecord, Row, SieveRecord, Tables
+from pdlab.tables.layout import (
+    DENSITY_KINDS,
+    DENSITY_UNITS,
+    LAYOUT,
+    SHARE_KINDS,
+    MixtureRecord,
+    Row,
+    SieveRecord,
+    Tables,
+)
 from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
 
 __all__ = [
     "DENSITY_KINDS",
     "DENSITY_UNITS",
     "LAYOUT",
+    "SHARE_KINDS",
     "Condition",
     "MixtureRecord",
     "ParseError",

@@ -207,7 +207,7 @@ def report(target: Store) -> Iterator[str]:
         yield f"{spent(lambda: session.execute(view).all()):8.1f}  predicted_vs_measured of one mixture"
         digests = [row[0] for row in store.list_rows(session, "runs", ["specimen_hash"], limit=5000)]
     yield f"{spent(lambda: _done(target, digests)):8.1f}  done_runs of {len(digests)} digests"
-    yield f"{spent(lambda: experiments.comparisons(target, ['mix 00077'])):8.1f}  comparison of one mixture"
+    yield f"{spent(lambda: experiments.comparisons(target, names=['mix 00077'])):8.1f}  comparison of one mixture"
     yield f"{spent(lambda: experiments.comparisons(target, newest=200)):8.1f}  the page: the newest 200 comparisons"
     yield f"{spent(lambda: experiments.summaries(target)):8.1f}  the page: all aggregates"
     yield f"{spent(lambda: experiments.listed(target, 'predictions', [], [], '', None)):8.1f}  all predictions"

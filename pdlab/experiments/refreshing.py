@@ -1,0 +1,112 @@
+"""Calibrate and predict again what rests on an older engine, and say what that changed."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pdlab import store
+from pdlab.calibration import SEEDS
+from pdlab.errors import PdlabError
+from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, calibration_report
+from pdlab.experiments.predictions import PredictionReport, comparisons, predict
+from pdlab.experiments.readings import older_engine
+from pdlab.models import Calibration
+from pdlab.store import Store
+
+
+@dataclass(frozen=True)
+class Refreshed:
+    """A mixture's packing density [-] or an aggregate's friction coefficient [-] before and after.
+
+    The standard errors are those of the simulation alone, since the measurements are the same ones; None where
+    the curve leaves them open. ``error`` stands in the place of what could not be worked out again.
+    """
+
+    kind: str
+    name: str
+    before: float | None
+    before_version: int | None
+    before_error: float | None
+    after: float | None = None
+    after_error: float | None = None
+    error: PdlabError | None = None
+
+    @property
+    def difference(self) -> float | None:
+        """After minus before [-]."""
+        return None if self.before is None or self.after is None else self.after - self.before
+
+    @property
+    def standard_error(self) -> float | None:
+        """Standard error of the difference [-]: two simulations that share no run."""
+        if self.before_error is None or self.after_error is None:
+            return None
+        return math.hypot(self.before_error, self.after_error)
+
+    @property
+    def label(self) -> str:
+        """What was worked out again: its kind and name."""
+        return f"{self.kind} {self.name}"
+
+
+def refresh(target: Store, run_all: RunAll, engine_version: int, names: Sequence[str] = ()) -> list[Refreshed]:
+    """Calibrate and predict again, by the rule used before, what rests on an older engine than ``engine_version``.
+
+    All of it, or the named mixtures with their aggregates. The rows of before stay in the store. What cannot be
+    worked out again is reported with its error. Raises UnknownName.
+    """
+    with target.read() as session:
+        blends = store.mixtures(session, names)
+        fits = _older_fits(store.calibrations(session), engine_version)
+    wanted = {blend.name for blend in blends}
+    before = [
+        report
+        for report in comparisons(target, engine_version)
+        if report.mixture in wanted and report.state != "failed" and older_engine(report.engine_version, engine_version)
+    ]
+    parts = {part.aggregate_id for blend in blends for part in blend.components}
+    fits = [fit for fit in fits if not names or fit.aggregate_id in parts]
+    predicted, calibrated = dict[str, PredictionReport](), dict[int, CalibrationReport]()
+    for rule in sorted({report.rule for report in before}):
+        again = predict(target, run_all, [report.mixture for report in before if report.rule == rule], rule)
+        predicted |= {report.mixture: report for report in again}
+    for rule in sorted({fit.diameter_rule for fit in fits}):
+        again_fits = calibrate_rows(
+            target, run_all, [fit.aggregate for fit in fits if fit.diameter_rule == rule], rule, SEEDS
+        )
+        calibrated |= {report.aggregate_id: report for report in again_fits}
+    return [_of_aggregate(fit, calibrated[fit.aggregate_id]) for fit in fits] + [
+        _of_mixture(report, predicted[report.mixture]) for report in before
+    ]
+
+
+def _older_fits(fits: Sequence[Calibration], engine_version: int) -> list[Calibration]:
+    """Return the last calibration of each aggregate that gave a friction, of those of an older engine."""
+    last: dict[int, Calibration] = {}
+    for fit in fits:
+        last.setdefault(fit.aggregate_id, fit)
+    ordered = sorted(last.values(), key=lambda fit: fit.aggregate_id)
+    return [fit for fit in ordered if fit.state == "done" and older_engine(fit.engine_version, engine_version)]
+
+
+def _of_mixture(before: PredictionReport, after: PredictionReport) -> Refreshed:
+    return Refreshed(
+        "mixture", before.mixture, before.packing_density, before.engine_version, before.standard_error,
+        after.packing_density, after.standard_error, after.error,
+    )  # fmt: skip
+
+
+def _of_aggregate(fit: Calibration, after: CalibrationReport) -> Refreshed:
+    before = calibration_report(fit.aggregate, fit)
+    return Refreshed(
+        "aggregate", before.aggregate, before.result.friction if before.result else None, fit.engine_version,
+        _friction_error(before), after.result.friction if after.result else None, _friction_error(after), after.error,
+    )  # fmt: skip
+
+
+def _friction_error(report: CalibrationReport) -> float | None:
+    """Return the standard error of μ [-] from the curve's: over the slope that the interval of μ shows."""
+    result = report.result
+    if result is None or result.low is None or result.high is None or result.input_error == 0.0:
+        return None
+    return result.curve_error * (result.high - result.low) / (2.0 * result.input_error)

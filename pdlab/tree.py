@@ -1,0 +1,153 @@
+"""A descent, as nested plain data, drawn as a tree in the terminal."""
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from rich.text import Text
+from rich.tree import Tree
+
+Facts = dict[str, Any]
+LEFT_OUT = ("address", "id", "name", "delivery", "position", "raw_text", "created_at", "message", "warnings")
+"""Columns that a line of what was entered does without: they stand elsewhere in the tree, or in the data alone."""
+
+
+def draw(facts: Facts) -> Tree:
+    """Return a row and what it rests on as a tree; equal specimens of several seeds become one branch."""
+    tree = Tree(Text(_line(facts)))
+    _grow(tree, facts)
+    return tree
+
+
+def _grow(tree: Tree, facts: Facts) -> None:
+    for one in facts.get("corrections", ()):
+        tree.add(Text(_correction(one), style="yellow"))
+    for text in (facts.get("warnings") or "").splitlines():
+        tree.add(Text(f"note: {text}"))
+    if facts.get("message"):
+        tree.add(Text(facts["message"]))
+    if facts["address"].startswith("packing_test:") and facts["raw_text"]:
+        tree.add(Text(f"as entered: {' '.join(facts['raw_text'].split())}"))
+    for name in ("last_prediction", "last_calibration", "mixture", "material", "aggregate", "packing_test",
+                 "sieve_analysis"):  # fmt: skip
+        if isinstance(facts.get(name), dict):
+            _grow(tree.add(Text(_line(facts[name]))), facts[name])
+    for name in ("components", "results", "packing_tests", "sieve_analyses", "calibrations"):
+        for child in facts.get(name, ()):
+            _grow(tree.add(Text(_line(child))), child)
+    _grow_runs(tree, facts.get("runs", ()))
+    for table, names in facts.get("rests_on_it", {}).items():
+        tree.add(Text(f"on it rest: {', '.join(f'{table}:{name}' for name in names)}"))
+
+
+def _line(facts: Facts) -> str:
+    """Return a row as one line: its address and what it says."""
+    kind = facts["address"].partition(":")[0]
+    words = LINES[kind](facts) if kind in LINES else _entered(facts)
+    return f"{facts['address']}: {words}" if words else str(facts["address"])
+
+
+def _entered(facts: Facts) -> str:
+    """Return the columns that were filled."""
+    return ", ".join(
+        f"{name} {f'{value:g}' if isinstance(value, float) else value}"
+        for name, value in facts.items()
+        if name not in LEFT_OUT and value not in (None, "") and not isinstance(value, dict | list)
+    )
+
+
+def _of_sieve(facts: Facts) -> str:
+    aperture = "pan" if facts["aperture_mm"] is None else f"{facts['aperture_mm']:g} mm"
+    kinds = ("retained_g", "retained_percent", "passing_percent")
+    value = next(f"{kind} {facts[kind]:g}" for kind in kinds if facts[kind] is not None)
+    return f"{aperture}, {value} (as entered: {' '.join(facts['raw_text'].split())})"
+
+
+def _of_prediction(facts: Facts) -> str:
+    return f"{_error_bars(facts, 'standard_error')}, method {facts['method']}, {_made(facts)}"
+
+
+def _of_calibration(facts: Facts) -> str:
+    if facts["friction"] is None:
+        return f"method {facts['method']}, {_made(facts)}"
+    low, high = (("open" if facts[end] is None else f"{facts[end]:.4g}") for end in ("friction_low", "friction_high"))
+    return (
+        f"friction {facts['friction']:.4g} ({low} to {high}) at {_error_bars(facts, 'curve_error')}, measured "
+        f"{facts['measured_packing_density']:.4f}, diameter {facts['diameter_mm']:.4g} mm ({facts['diameter_rule']}), "
+        f"method {facts['method']}, {_made(facts)}"
+    )
+
+
+def _error_bars(facts: Facts, simulation: str) -> str:
+    if facts["packing_density"] is None:
+        return "no PD"
+    errors = f"± {facts[simulation]:.4f} (simulation) ± {facts['input_error']:.4f} (inputs)"
+    return f"PD {facts['packing_density']:.4f} {errors}"
+
+
+def _made(facts: Facts) -> str:
+    when = (facts["finished_at"] or facts["requested_at"])[:16].replace("T", " ")
+    return (
+        f"{facts['protocol']['compaction']}, engine version {facts['engine_version'] or 'unknown'}, {facts['state']} "
+        f"{when} UTC"
+    )
+
+
+def _of_run(facts: Facts) -> str:
+    return f"{_result(facts)}; {_specimen(facts['specimen'])}; {_engine(facts)}"
+
+
+LINES = {
+    "sieve_result": _of_sieve, "prediction": _of_prediction, "calibration": _of_calibration, "run": _of_run,
+}  # fmt: skip
+
+
+def _correction(one: Facts) -> str:
+    reason = f" ({one['reason']})" if one["reason"] else ""
+    return (
+        f"corrected by {one['corrected_by']} on {one['corrected_at'][:16].replace('T', ' ')}: {one['column_name']} "
+        f"{one['old_value'] or 'empty'} → {one['new_value'] or 'empty'}{reason}"
+    )
+
+
+def _grow_runs(tree: Tree, runs: Iterable[Facts]) -> None:
+    """Add runs: a branch for each engine, in it one for each specimen, in it the seeds."""
+    engines: dict[str, Tree] = {}
+    specimens: dict[tuple[str, str], Tree] = {}
+    for run in sorted(runs, key=lambda run: (_engine(run), _alike(run), run["seed"])):
+        engine = _engine(run)
+        if engine not in engines:
+            engines[engine] = tree.add(Text(f"runs of {engine}"))
+        key = (engine, _alike(run))
+        if key not in specimens:
+            specimens[key] = engines[engine].add(Text(_specimen(run["specimen"])))
+        specimens[key].add(Text(f"run:{run['specimen_hash'][:12]}: {_result(run)}"))
+
+
+def _alike(run: Facts) -> str:
+    """Return what runs of one specimen have in common: all of it but the seed."""
+    return json.dumps({**run["specimen"], "seed": None}, sort_keys=True)
+
+
+def _engine(run: Facts) -> str:
+    return (
+        f"engine version {run['engine_version']}, numba {run['numba_version'] or 'unknown'}, "
+        f"processor {run['processor'] or 'unknown'}"
+    )
+
+
+def _result(run: Facts) -> str:
+    result = f"PD {run['packing_density']:.5f}" if run["packing_density"] is not None else run["error"] or run["state"]
+    contacts = f", {run['coordination_number']:.3f} contacts" if run["coordination_number"] is not None else ""
+    steps = f", {run['steps']} steps" if run["steps"] is not None else ""
+    return f"seed {run['seed']}, {result}{contacts}{steps}"
+
+
+def _specimen(specimen: Facts) -> str:
+    kinds = [
+        f"{kind['count']} spheres of d {kind['diameter']:g} with μ {kind['friction']:g}"
+        for kind in specimen.get("species", ())
+    ]
+    protocol = specimen.get("protocol", {})
+    inside = f"{protocol.get('container', '')}, {specimen.get('width', 0):g} wide"
+    return f"{' + '.join(kinds)}; {protocol.get('compaction', '')}, {inside}"
