@@ -37,11 +37,12 @@ PREDICTION_COLUMNS = store.SHOWN["predictions"]
 class Lab:
     """A laboratory's store and the simulations for it.
 
-    ``url``: ``sqlite:///FILE`` or a path; else PDLAB_STORE, else pdlab.db in the current folder. A
-    SQLite file that does not exist is made. ``workers``: processes that simulate, one for each core by
-    default; they are spawned, so a script calls Lab under ``if __name__ == "__main__":``. ``progress``
-    is called after every chunk of simulation. ``threads`` share one bed, which pays for few beds of some
-    10 000 spheres and more on idle cores; results do not depend on it. Raises StoreError, InputError.
+    ``url``: ``sqlite:///FILE``, a path or ``postgresql://USER@HOST/DATABASE``; else PDLAB_STORE, else
+    pdlab.db in the current folder. A SQLite file that does not exist is made. ``workers``: processes that
+    simulate, one for each core by default; they are spawned, so a script calls Lab under
+    ``if __name__ == "__main__":``. ``progress`` is called after every chunk of simulation. ``threads`` share
+    one bed, which pays for few beds of some 10 000 spheres and more on idle cores; results do not depend on
+    it. Raises StoreError, InputError.
     """
 
     def __init__(

@@ -77,6 +77,9 @@ def database(request: pytest.FixtureRequest) -> Iterator[sa.Connection]:
 def store(database: sa.Connection) -> Iterator[Store]:
     """A store on each of the two databases; what a test writes is rolled back after it."""
     outer = database.begin()
+    if database.dialect.name == "postgresql":  # keys begin anew, as they do in SQLite
+        for (sequence,) in database.exec_driver_sql("SELECT sequencename FROM pg_sequences").all():
+            database.exec_driver_sql(f"ALTER SEQUENCE {sequence} RESTART")
     yield Store(shown(database.engine.url), database, database)
     outer.rollback()
 

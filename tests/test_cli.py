@@ -187,7 +187,7 @@ def bed_lab(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     from pdlab.specimen import Species, Specimen
     from pdlab.store import open_store, save_run
 
-    mixed = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 1)
+    mixed = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 2)
     restless = Specimen((Species(1.0, 0.3, 100),), 4.0, 5)
     folder = tmp_path_factory.mktemp("beds")
     target = open_store(str(folder / "pdlab.db"))

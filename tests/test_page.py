@@ -9,13 +9,14 @@ import streamlit as st
 from conftest import FormulaRunner
 from streamlit.testing.v1 import AppTest
 
+import pdlab
 from pdlab import experiments
 from pdlab import store as store_module
 from pdlab.lab import SHIPPED
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
 
-PAGE = Path(store_module.__file__).parent.with_name("page.py")
+PAGE = Path(pdlab.__file__).with_name("page.py")
 
 
 @pytest.fixture

@@ -282,8 +282,9 @@ def _write(work: _Work, record: Edited) -> None:
             "is still wrong"
         ) from error
     except IntegrityError as error:
+        reason = str(error.orig).partition("\n")[0]  # PostgreSQL adds the row on further lines
         raise InputError(
-            f"the store cannot hold {named} so ({error.orig}); correct values that change places one after the other"
+            f"the store cannot hold {named} so ({reason}); correct values that change places one after the other"
         ) from error
 
 

@@ -20,7 +20,7 @@ from pdlab.errors import StoreError
 from pdlab.store.databases import LOCK_TIMEOUT, connected, is_sqlite, parse, reason, refusal, shown, store_url
 from pdlab.store.revisions import check_revision, migrate, revision_of, stamped
 
-BATCH = 100
+BATCH = 20
 """Rows in memory at once; one may hold a bed of some MB."""
 
 
@@ -162,7 +162,7 @@ def _reflected(connection: sa.Connection) -> list[sa.Table]:
 def _tables(reading: sa.Connection, writing: sa.Connection) -> list[tuple[sa.Table, sa.Table]]:
     """Return the store's tables on both sides, parents first; tables of other programs stay behind."""
     origins = {table.name: table for table in _reflected(reading)}
-    return [(origins[place.name], place) for place in _reflected(writing)]
+    return [(origins[place.name], place) for place in _reflected(writing) if place.name in origins]
 
 
 def _send(reading: sa.Connection, origin: sa.Table, writing: sa.Connection, place: sa.Table) -> TableCopy:
