@@ -17,6 +17,8 @@ from pdlab.errors import InputError, PdlabError
 from pdlab.quantities import heading
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from pdlab.bedfiles import Bed
     from pdlab.experiments import CalibrationReport, PredictionReport, Verified
     from pdlab.lab import Lab
@@ -292,31 +294,66 @@ def predict(
         _raise_failures(reports)
 
 
-LONGEST_BEFORE = 40
 LISTS = ("aggregates", "mixtures", "runs", "predictions", "corrections")
+PAGE = 30
+"""Rows of a list in the terminal, where no other number is asked for."""
+LONGEST_BEFORE = 40
 
 
 @app.command()
-def ls(what: Annotated[str, typer.Argument(help=" | ".join(LISTS))] = "aggregates", store: Store = None) -> None:
-    """List what the store holds."""
+def ls(
+    what: Annotated[str, typer.Argument(help=" | ".join(LISTS))] = "aggregates",
+    conditions: Annotated[
+        list[str] | None, typer.Argument(help="Such as 'packing_density>0.6'; also = != < <= >= and ~ (contains).")
+    ] = None,
+    columns: Annotated[str, typer.Option(help="Columns, a comma between them.")] = "",
+    sort: Annotated[str, typer.Option(help="Columns to sort by, a minus before one whose values fall.")] = "",
+    limit: Annotated[int | None, typer.Option(min=1, help=f"Most rows; {PAGE} in the terminal, all in a file.")] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the list as CSV.")] = None,
+    store: Store = None,
+) -> None:
+    """List what the store holds, where all conditions are met."""
     if what not in LISTS:
         raise InputError(f"'{what}' cannot be listed; use one of {', '.join(LISTS)}")
+    asked = [name.strip() for name in columns.split(",") if name.strip()]
+    where = conditions or []
+    if output is not None:
+        _check_writable(output)
     with _lab(store) as lab:
-        frame = getattr(lab, what)()
-        if frame.empty:
-            print(f"no {what} yet")
+        if csv or output is not None:
+            frame = getattr(lab, what)(where, asked, sort, limit)
+            frame.to_csv(output or sys.stdout, index=False)
+            if output is not None:
+                print(f"written to {output}")
             return
-        notes = frame.pop("message") if "message" in frame else []
-        names = list(frame.iloc[:, 0])
+        frame = getattr(lab, what)(where, asked, sort, limit or PAGE)
+        if frame.empty:
+            print(f"no {what} " + ("meet these conditions" if where and lab.count(what) else "yet"))
+            return
+        in_all = lab.count(what, where) if len(frame) == (limit or PAGE) else len(frame)
+        _show_list(frame, what, in_all, asked)
+
+
+def _show_list(frame: "DataFrame", what: str, in_all: int, asked: Sequence[str]) -> None:
+    """Print a page of a list, its messages below it where they are not asked for as a column."""
+    notes = list(frame.pop("message")) if "message" in frame and not asked else []
+    names = list(frame.iloc[:, 0])
+    if not asked:
         frame = frame.drop(columns=frame.columns[(frame.isna() | (frame == "")).all()])
-        cells = [
-            [_cell(*cell) for cell in zip(frame.columns, row, strict=True)]
-            for row in frame.itertuples(index=False, name=None)
-        ]
-        _table(f"{len(frame)} {what}" if what != "mixtures" else what, list(frame.columns), cells)
-        for name, note in zip(names, notes, strict=False):
-            if note:
-                print(f"note: {name}: {note}")
+    cells = [
+        [_cell(*cell) for cell in zip(frame.columns, row, strict=True)]
+        for row in frame.itertuples(index=False, name=None)
+    ]
+    _table(f"{len(frame)} {what}" if what != "mixtures" else what, list(frame.columns), cells)
+    if in_all > len(frame):
+        print(f"the first {len(frame)} of {in_all} rows; more with --limit, all with --csv or -o FILE")
+    together: dict[str, list[str]] = {}
+    for name, note in zip(names, notes, strict=False):
+        if note:
+            together.setdefault(note, []).append(name)
+    for note, said in together.items():
+        print(f"note: {', '.join(said)}: {note}")
 
 
 def _cell(column: str, value: Any) -> str:

@@ -5,6 +5,7 @@ PdlabError
 │   ├── GradingError        a sieve table that is no grading
 │   ├── DensityError        a bulk density, voids or packing density that cannot be one
 │   ├── ShareError          proportions that are none
+│   ├── ConditionError      a condition, a column or an order that a list does not have
 │   ├── UnknownName         an aggregate, mixture or run that the store does not hold
 │   ├── TableError          what is wrong in imported tables, all of it, with file, row, column
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
@@ -47,6 +48,10 @@ class DensityError(InputError):
 
 class ShareError(InputError):
     """Proportions that are none."""
+
+
+class ConditionError(InputError):
+    """A condition, a column or an order that a list does not have."""
 
 
 class UnknownName(InputError):

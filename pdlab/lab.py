@@ -30,10 +30,8 @@ from pdlab.specimen import from_canonical
 SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
 """Feret's round pebbles in the table format, with their source in the folder above."""
 
-PREDICTION_COLUMNS = (
-    "mixture", "method", "packing_density", "standard_error", "input_error", "expected_error", "measured",
-    "difference", "state", "message",
-)  # fmt: skip
+Texts = str | Iterable[str]
+PREDICTION_COLUMNS = store.SHOWN["predictions"]
 
 
 class Lab:
@@ -109,53 +107,47 @@ class Lab:
             names = [mixtures] if isinstance(mixtures, str) else list(mixtures)
         return prediction_frame(self.predict_reports(names, rule, seeds))
 
-    def predictions(self) -> pd.DataFrame:
-        """Return each mixture's newest prediction beside its measurement."""
-        return prediction_frame(experiments.comparisons(self.store, self.runner.engine_version))
-
-    def aggregates(self) -> pd.DataFrame:
+    def aggregates(
+        self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
+    ) -> pd.DataFrame:
         """Return the current aggregates: sizes [mm], diameter [mm], measured PD [-], friction [-].
 
-        The friction is empty until the current tests are calibrated.
+        The friction is empty until the current tests are calibrated. ``where``: conditions like
+        ``packing_density>0.6`` (also = != < <= >= and ~, contains), all of them to be met; an empty value means
+        missing. ``sort``: column names, a minus before one whose values fall. ``limit``: the most rows. Raises
+        ConditionError.
         """
-        rows = [
-            {
-                "aggregate": one.name,
-                "delivery": one.delivery,
-                "finest_mm": one.grading.apertures[-1] if one.grading else None,
-                "coarsest_mm": one.grading.apertures[0] if one.grading else None,
-                "diameter_mm": one.diameter,
-                "packing_density": one.measured.packing_density if one.measured else None,
-                "friction": one.friction,
-                "friction_low": one.friction_low,
-                "friction_high": one.friction_high,
-                "message": one.message,
-            }
-            for one in experiments.summaries(self.store, self.runner.engine_version)
-        ]
-        return pd.DataFrame(rows)
+        return self._listed("aggregates", where, columns, sort, limit)
 
-    def mixtures(self) -> pd.DataFrame:
-        """Return the mixtures: a row for each of their aggregates, with its share [-]."""
-        with self.store.read() as session:
-            rows = store.mixtures(session)
-        return pd.DataFrame(
-            [
-                {"mixture": row.name, "aggregate": part.aggregate.name, "solid_volume_share": part.solid_volume_share}
-                for row in rows
-                for part in row.components
-            ]
+    def mixtures(
+        self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
+    ) -> pd.DataFrame:
+        """Return the mixtures, a row for each of their aggregates, with its share [-]; see ``aggregates``."""
+        return self._listed("mixtures", where, columns, sort, limit)
+
+    def runs(self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None) -> pd.DataFrame:
+        """Return the simulated beds, the newest first; see ``aggregates``."""
+        return self._listed("runs", where, columns, sort, limit)
+
+    def predictions(
+        self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
+    ) -> pd.DataFrame:
+        """Return each mixture's newest prediction beside its measurement; see ``aggregates``."""
+        return self._listed("predictions", where, columns, sort, limit)
+
+    def count(self, what: str, where: Texts = ()) -> int:
+        """Return how many rows of aggregates, mixtures, runs, predictions or corrections meet the conditions.
+
+        Raises ConditionError.
+        """
+        return experiments.counted(self.store, what, _texts(where), self.runner.engine_version)
+
+    def _listed(self, what: str, where: Texts, columns: Texts, sort: Texts, limit: int | None) -> pd.DataFrame:
+        order = ",".join(_texts(sort))
+        names, rows = experiments.listed(
+            self.store, what, _texts(where), _texts(columns), order, limit, self.runner.engine_version
         )
-
-    def runs(self) -> pd.DataFrame:
-        """Return the simulated beds, the newest first."""
-        columns = (
-            "specimen_hash", "state", "spheres", "seed", "packing_density", "coordination_number", "steps", "seconds",
-            "rest", "engine_version",
-        )  # fmt: skip
-        with self.store.read() as session:
-            rows = store.runs(session)
-        return pd.DataFrame([{name: getattr(row, name) for name in columns} for row in rows], columns=list(columns))
+        return pd.DataFrame.from_records(rows, columns=names)
 
     def show(self, what: str) -> Facts:
         """Return a row and all that it rests on as nested plain data: down to the raw text of each sieve.
@@ -215,19 +207,11 @@ class Lab:
         """
         return experiments.delete(self.store, what, by or getpass.getuser(), reason, confirmed)
 
-    def corrections(self) -> pd.DataFrame:
-        """Return every correction and deletion of what people entered, the oldest first, with the old values."""
-        with self.store.read() as session:
-            rows = store.corrections(session)
-        return pd.DataFrame(
-            [
-                {
-                    "at": row.corrected_at, "by": row.corrected_by, "row": f"{row.table_name}:{row.row_key}",
-                    "column": row.column_name, "before": row.old_value, "after": row.new_value, "reason": row.reason,
-                }
-                for row in rows
-            ]
-        )  # fmt: skip
+    def corrections(
+        self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
+    ) -> pd.DataFrame:
+        """Return every correction and deletion of what people entered, the oldest first; see ``aggregates``."""
+        return self._listed("corrections", where, columns, sort, limit)
 
     def bed(self, run: str) -> Bed:
         """Return where the spheres of a run lie; a failed run's as it was left, for inspection.
@@ -241,6 +225,10 @@ class Lab:
         with np.load(io.BytesIO(kept.archive)) as archive:
             place, species = standing(specimen, archive["place"]), archive["species"]
         return Bed(specimen, place, species, row.specimen_hash, row.state, row.error)
+
+
+def _texts(given: Texts) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
 
 
 def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:

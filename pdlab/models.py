@@ -31,6 +31,11 @@ NAMING = {
 }
 CORRECTABLE = ("aggregate", "sieve_analysis", "sieve_result", "packing_test", "mixture", "mixture_component")
 STATES = ("queued", "running", "done", "failed", "cancelled")
+RUN_LIST = (
+    "finished_at", "specimen_hash", "state", "spheres", "seed", "packing_density", "coordination_number", "steps",
+    "seconds", "rest", "engine_version",
+)  # fmt: skip
+"""What lists show of a run: one index holds it all, so that none reads the specimens of a large store."""
 
 
 class UtcDateTime(TypeDecorator[dt.datetime]):
@@ -38,6 +43,7 @@ class UtcDateTime(TypeDecorator[dt.datetime]):
 
     impl = DateTime
     cache_ok = True
+    python_type = dt.datetime
 
     def process_bind_param(self, value: dt.datetime | None, dialect: Dialect) -> Any:
         """Refuse a naive time; store UTC."""
@@ -57,6 +63,7 @@ class Number(TypeDecorator[float]):
 
     impl = Double
     cache_ok = True
+    python_type = float
 
     def process_bind_param(self, value: float | None, dialect: Dialect) -> float | None:
         """Return a float of Python's own, None for NaN."""
@@ -68,6 +75,7 @@ class Whole(TypeDecorator[int]):
 
     impl = Integer
     cache_ok = True
+    python_type = int
 
     def process_bind_param(self, value: int | None, dialect: Dialect) -> int | None:
         """Return an int of Python's own; refuse what is none."""
@@ -203,6 +211,7 @@ class MixtureComponent(Base):
         CheckConstraint("solid_volume_share > 0 AND solid_volume_share <= 1", name="solid_volume_share"),
         CheckConstraint("mass_share > 0 AND mass_share <= 1", name="mass_share"),
         Index(None, "aggregate_id"),
+        Index("ix_mixture_component_shares", "mixture_id", "aggregate_id", "solid_volume_share"),
     )
     mixture_id: Mapped[int] = mapped_column(ForeignKey("mixture.id"), primary_key=True)
     position: Mapped[int] = mapped_column(primary_key=True)
@@ -271,7 +280,7 @@ class Run(Base):
         CheckConstraint("packing_density > 0 AND packing_density < 1", name="packing_density"),
         CheckConstraint("state <> 'done' OR packing_density IS NOT NULL", name="done_has_result"),
         CheckConstraint("steps >= 0 AND seconds >= 0", name="effort"),
-        Index(None, "state"),
+        Index("ix_run_list", *RUN_LIST),
     )
     specimen_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
     specimen: Mapped[str]
@@ -367,8 +376,7 @@ class Prediction(Wish, Base):
         CheckConstraint("standard_error >= 0 AND input_error >= 0", name="errors"),
         CheckConstraint("state <> 'done' OR packing_density IS NOT NULL", name="done_has_result"),
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
-        Index(None, "mixture_id"),
-        Index(None, "mixture_id", "requested_at"),
+        Index("ix_prediction_newest", "mixture_id", "requested_at", "id", "state"),
         Index(None, "state"),
     )
     id: Mapped[int] = mapped_column(primary_key=True)

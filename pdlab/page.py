@@ -16,6 +16,8 @@ KIND_LABELS = {kind: heading(kind) for kind in KINDS}
 DENSITY_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
 BULK = tables.DENSITY_UNITS["bulk_density_kg_m3"]
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
+NEWEST = 200
+"""Mixtures that are compared on the page."""
 EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
 
 
@@ -50,10 +52,12 @@ def main() -> None:
 
 
 def _comparison(target: Store) -> None:
-    reports = experiments.comparisons(target)
+    reports = experiments.comparisons(target, newest=NEWEST)
     if not reports:
         st.info("The store holds no mixture yet. Run `pdlab demo` for an example, or `pdlab import` your own tables.")
         return
+    if len(reports) == NEWEST and (in_all := experiments.counted(target, "predictions")) > NEWEST:
+        st.caption(f"The newest {NEWEST} of {in_all} mixtures; `pdlab ls predictions` lists them all.")
     compared = [report for report in reports if report.difference is not None]
     left, right = st.columns([3, 2])
     with left:

@@ -1,4 +1,4 @@
-"""Corrections that keep the old value, versions of what people edit, two views."""
+"""Corrections that keep the old value, versions of what people edit, views, indexes for lists."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -16,63 +16,122 @@ OVEN_DRY = """CASE a.density_basis
         WHEN 'apparent' THEN 1.0 / (1.0 / a.particle_density_kg_m3 + a.water_absorption_percent / 100.0 / 997.5)
     END"""
 
+
+def measured(density: str) -> str:
+    """What density test t says of the packing density, with an oven-dry particle density [kg/m³]."""
+    return f"""CASE
+        WHEN t.packing_density IS NOT NULL THEN t.packing_density
+        WHEN t.voids_percent IS NOT NULL THEN 1.0 - t.voids_percent / 100.0
+        ELSE t.bulk_density_kg_m3 / ({density})
+    END"""
+
+
+# what a result changes with; names, sources and remarks do not count
+NUMBERS = (
+    "particle_density_kg_m3", "density_basis", "water_absorption_percent", "kind", "sample_mass_g", "pan_lower_mm",
+    "aperture_mm", "retained_g", "retained_percent", "passing_percent", "compaction", "bulk_density_kg_m3",
+    "voids_percent", "packing_density", "repeats", "standard_deviation", "solid_volume_share",
+)  # fmt: skip
+
+
+def corrected(rows: str, since: str) -> str:
+    """Whether a number in some rows was corrected since then and not put back."""
+    same = "{0}.table_name = k.table_name AND {0}.row_key = k.row_key AND {0}.column_name = k.column_name"
+    return f"""EXISTS (
+        SELECT 1 FROM correction k
+        WHERE k.corrected_at > {since} AND ({rows}) AND k.column_name IN {NUMBERS}
+            AND NOT EXISTS (
+                SELECT 1 FROM correction e WHERE {same.format("e")} AND e.id < k.id AND e.corrected_at > {since}
+            )
+            AND coalesce(k.old_value, '') <> coalesce(
+                (SELECT n.new_value FROM correction n WHERE {same.format("n")} ORDER BY n.id DESC LIMIT 1), ''
+            )
+    )"""
+
+
+OF_CALIBRATION = """
+    k.table_name = 'aggregate' AND k.row_key = CAST(c.aggregate_id AS TEXT)
+    OR k.table_name = 'packing_test' AND k.row_key = CAST(c.packing_test_id AS TEXT)
+    OR k.table_name = 'sieve_analysis' AND k.row_key = CAST(c.sieve_analysis_id AS TEXT)
+    OR k.table_name = 'sieve_result' AND k.row_key LIKE CAST(c.sieve_analysis_id AS TEXT) || '/%'
+"""
+OF_MIXTURE = "k.table_name = 'mixture_component' AND k.row_key LIKE CAST(m.id AS TEXT) || '/%'"
+
+OUTDATED_CALIBRATIONS = f"""
+CREATE VIEW outdated_calibrations AS
+SELECT c.id AS calibration_id, a.id AS aggregate_id, a.name AS aggregate
+FROM calibration c JOIN aggregate a ON a.id = c.aggregate_id
+WHERE c.sieve_analysis_id <> (SELECT max(x.id) FROM sieve_analysis x WHERE x.aggregate_id = c.aggregate_id)
+    OR c.packing_test_id <> (SELECT max(x.id) FROM packing_test x WHERE x.aggregate_id = c.aggregate_id)
+    OR {corrected(OF_CALIBRATION, "c.requested_at")}
+"""
+
+# the last one asked for counts, also where it failed, unless it is outdated
 CURRENT_AGGREGATES = f"""
 CREATE VIEW current_aggregates AS
 SELECT
     a.id AS aggregate_id, a.name, a.delivery, a.source, a.shape,
     {OVEN_DRY} AS oven_dry_density_kg_m3,
     s.id AS sieve_analysis_id, t.id AS packing_test_id, t.compaction,
-    CASE
-        WHEN t.packing_density IS NOT NULL THEN t.packing_density
-        WHEN t.voids_percent IS NOT NULL THEN 1.0 - t.voids_percent / 100.0
-        ELSE t.bulk_density_kg_m3 / ({OVEN_DRY})
-    END AS measured_packing_density,
-    c.id AS calibration_id, c.method, c.diameter_rule, c.diameter_mm, c.friction, c.friction_low, c.friction_high,
-    c.engine_version, a.created_at
+    {measured(OVEN_DRY)} AS measured_packing_density,
+    c.id AS calibration_id, c.state, c.method, c.diameter_rule, c.diameter_mm, c.friction, c.friction_low,
+    c.friction_high, c.engine_version, c.message, a.created_at
 FROM aggregate a
 LEFT JOIN sieve_analysis s ON s.id = (SELECT max(x.id) FROM sieve_analysis x WHERE x.aggregate_id = a.id)
 LEFT JOIN packing_test t ON t.id = (SELECT max(x.id) FROM packing_test x WHERE x.aggregate_id = a.id)
 LEFT JOIN calibration c ON c.id = (
     SELECT x.id FROM calibration x
-    WHERE x.aggregate_id = a.id AND x.state = 'done' AND x.sieve_analysis_id = s.id AND x.packing_test_id = t.id
+    WHERE x.aggregate_id = a.id AND x.state IN ('done', 'failed')
+        AND x.id NOT IN (SELECT calibration_id FROM outdated_calibrations)
     ORDER BY x.requested_at DESC, x.id DESC LIMIT 1
 )
 WHERE a.id = (SELECT max(x.id) FROM aggregate x WHERE x.name = a.name)
 """
 
+# by solid volume, and none where one aggregate's is unknown
+MEAN_DENSITY = f"""
+            SELECT CASE WHEN count(*) = count({OVEN_DRY})
+                THEN sum(k.solid_volume_share * ({OVEN_DRY})) / sum(k.solid_volume_share) END
+            FROM mixture_component k JOIN aggregate a ON a.id = k.aggregate_id WHERE k.mixture_id = m.id
+        """
+
+# IN, not a join: SQLite then finds the outdated calibrations once for all rows
 PREDICTED_VS_MEASURED = f"""
 CREATE VIEW predicted_vs_measured AS
-SELECT
-    m.id AS mixture_id, m.name AS mixture, p.id AS prediction_id, p.method, p.engine_version,
-    p.packing_density AS predicted, p.standard_error, p.input_error,
-    t.id AS packing_test_id, t.compaction,
-    CASE
-        WHEN t.packing_density IS NOT NULL THEN t.packing_density
-        WHEN t.voids_percent IS NOT NULL THEN 1.0 - t.voids_percent / 100.0
-        ELSE t.bulk_density_kg_m3 / (
-            SELECT CASE WHEN count(*) = count({OVEN_DRY})
-                THEN sum(k.solid_volume_share * ({OVEN_DRY})) / sum(k.solid_volume_share) END
-            FROM mixture_component k JOIN aggregate a ON a.id = k.aggregate_id WHERE k.mixture_id = m.id
-        )
-    END AS measured,
-    p.packing_density - CASE
-        WHEN t.packing_density IS NOT NULL THEN t.packing_density
-        WHEN t.voids_percent IS NOT NULL THEN 1.0 - t.voids_percent / 100.0
-        ELSE t.bulk_density_kg_m3 / (
-            SELECT CASE WHEN count(*) = count({OVEN_DRY})
-                THEN sum(k.solid_volume_share * ({OVEN_DRY})) / sum(k.solid_volume_share) END
-            FROM mixture_component k JOIN aggregate a ON a.id = k.aggregate_id WHERE k.mixture_id = m.id
-        )
-    END AS difference,
-    p.requested_at, p.finished_at
-FROM mixture m
-JOIN prediction p ON p.mixture_id = m.id AND p.id = (
-    SELECT x.id FROM prediction x
-    WHERE x.mixture_id = m.id AND x.method = p.method AND x.state = 'done'
-    ORDER BY x.requested_at DESC, x.id DESC LIMIT 1
-)
-LEFT JOIN packing_test t ON t.id = (SELECT max(x.id) FROM packing_test x WHERE x.mixture_id = m.id)
+SELECT pair.*, pair.predicted - pair.measured AS difference
+FROM (
+    SELECT
+        m.id AS mixture_id, m.name AS mixture, p.id AS prediction_id,
+        CASE
+            WHEN p.state = 'done' AND (EXISTS (
+                SELECT 1 FROM prediction_calibration l
+                WHERE l.prediction_id = p.id
+                    AND l.calibration_id IN (SELECT calibration_id FROM outdated_calibrations)
+            ) OR {corrected(OF_MIXTURE, "p.requested_at")}) THEN 'outdated'
+            ELSE coalesce(p.state, 'open')
+        END AS state,
+        p.method, p.engine_version, p.packing_density AS predicted, p.standard_error, p.input_error,
+        t.id AS packing_test_id, t.compaction,
+        {measured(MEAN_DENSITY)} AS measured,
+        p.message, p.warnings, p.requested_at, p.finished_at
+    FROM mixture m
+    LEFT JOIN prediction p ON p.id = (
+        SELECT x.id FROM prediction x
+        WHERE x.mixture_id = m.id AND x.state IN ('done', 'failed')
+        ORDER BY x.requested_at DESC, x.id DESC LIMIT 1
+    )
+    LEFT JOIN packing_test t ON t.id = (SELECT max(x.id) FROM packing_test x WHERE x.mixture_id = m.id)
+) pair
 """
+
+# what lists show of a run, so that they need not read its specimen
+RUN_LIST = [
+    "finished_at", "specimen_hash", "state", "spheres", "seed", "packing_density", "coordination_number", "steps",
+    "seconds", "rest", "engine_version",
+]  # fmt: skip
+# and what the views need of a mixture's shares and of its newest prediction
+SHARES = ["mixture_id", "aggregate_id", "solid_volume_share"]
+NEWEST_PREDICTION = ["mixture_id", "requested_at", "id", "state"]
 
 
 def upgrade() -> None:
@@ -98,7 +157,12 @@ def upgrade() -> None:
     op.create_index(op.f("ix_correction_table_name_row_key"), "correction", ["table_name", "row_key"])
     for table in EDITED:
         op.add_column(table, sa.Column("version", sa.Integer(), server_default="1", nullable=False))
-    op.create_index(op.f("ix_prediction_mixture_id_requested_at"), "prediction", ["mixture_id", "requested_at"])
+    op.drop_index(op.f("ix_run_state"), table_name="run")
+    op.create_index("ix_run_list", "run", RUN_LIST)
+    op.drop_index(op.f("ix_prediction_mixture_id"), table_name="prediction")
+    op.create_index("ix_mixture_component_shares", "mixture_component", SHARES)
+    op.create_index("ix_prediction_newest", "prediction", NEWEST_PREDICTION)
+    op.execute(OUTDATED_CALIBRATIONS)
     op.execute(CURRENT_AGGREGATES)
     op.execute(PREDICTED_VS_MEASURED)
 
@@ -106,7 +170,12 @@ def upgrade() -> None:
 def downgrade() -> None:
     op.execute("DROP VIEW predicted_vs_measured")
     op.execute("DROP VIEW current_aggregates")
-    op.drop_index(op.f("ix_prediction_mixture_id_requested_at"), table_name="prediction")
+    op.execute("DROP VIEW outdated_calibrations")
+    op.drop_index("ix_prediction_newest", table_name="prediction")
+    op.drop_index("ix_mixture_component_shares", table_name="mixture_component")
+    op.create_index(op.f("ix_prediction_mixture_id"), "prediction", ["mixture_id"])
+    op.drop_index("ix_run_list", table_name="run")
+    op.create_index(op.f("ix_run_state"), "run", ["state"])
     for table in EDITED:
         with op.batch_alter_table(table) as batch_op:
             batch_op.drop_column("version")

@@ -6,6 +6,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.refreshing import Refreshed, refresh
@@ -25,7 +26,9 @@ __all__ = [
     "calibrate",
     "comparisons",
     "correct",
+    "counted",
     "delete",
+    "listed",
     "measured_aggregate",
     "predict",
     "refresh",

@@ -11,7 +11,7 @@ from pdlab.density import MeasuredPacking
 from pdlab.errors import EngineError, InputError, PdlabError
 from pdlab.experiments.readings import current_grading, measured_test, particle_density, protocol_text
 from pdlab.grading import DEFAULT_RULE
-from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, Prediction, SieveAnalysis, now
+from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
 from pdlab.specimen import Packing, Protocol, Specimen, protocol_of
 from pdlab.store import Store
 
@@ -154,12 +154,6 @@ def _fill_curves(waiting: list[_Open], run_all: RunAll, seeds: int) -> None:
             return
 
 
-def equals(row: Calibration | Prediction, facts: dict[str, Any], digests: set[str]) -> bool:
-    """Return whether a stored result has these facts and rests on these runs."""
-    same = all(getattr(row, key) == value for key, value in facts.items())
-    return same and {run.specimen_hash for run in row.runs} == digests
-
-
 def _facts_of(one: _Open, result: calibration.Calibrated) -> dict[str, Any]:
     return {
         "state": "done",
@@ -179,6 +173,7 @@ def _save_calibration(target: Store, one: _Open, rule: str, outcome: dict[str, A
     packings = [packing for node in one.nodes.values() for packing in node]
     digests = {packing.digest for packing in packings}
     facts: dict[str, Any] = outcome | {
+        "aggregate_id": one.aggregate.id,
         "sieve_analysis_id": one.analysis.id,
         "packing_test_id": one.test.id,
         "method": METHOD,
@@ -189,11 +184,10 @@ def _save_calibration(target: Store, one: _Open, rule: str, outcome: dict[str, A
         "measured_packing_density": one.measured.packing_density,
     }
     with target.write() as session:
-        old = (row for row in store.calibrations(session, [one.aggregate.id]) if equals(row, facts, digests))
-        row = next(old, None)
+        row = next(iter(store.equal_results(session, Calibration, facts, digests)), None)
         if row is None:
             evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
-            row = Calibration(aggregate_id=one.aggregate.id, progress=1.0, finished_at=now(), runs=evidence, **facts)
+            row = Calibration(progress=1.0, finished_at=now(), runs=evidence, **facts)
             store.add_all(session, [row])
         row.requested_at = now()
         return calibration_report(one.aggregate, row)

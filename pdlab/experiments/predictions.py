@@ -9,7 +9,7 @@ from typing import Any
 from pdlab import mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import InputError, PdlabError, TooSoft
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, calibration_report, equals
+from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, calibration_report
 from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
@@ -83,7 +83,7 @@ def predict(
     _run_blends(blends, run_all, seeds)
     for blend in blends:
         _save_prediction(target, blend)
-    fresh = {report.mixture: report for report in comparisons(target)}
+    fresh = {report.mixture: report for report in comparisons(target, names=[blend.row.name for blend in blends])}
     return [
         fresh[blend.row.name]
         if blend.error is None
@@ -154,16 +154,16 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
     protocol = protocol_of(blend.parts[0].compaction if blend.parts else "unstated")
     facts: dict[str, Any] = _facts_of(blend) | {
+        "mixture_id": blend.row.id,
         "method": METHOD,
         "protocol": protocol_text(mixture.stiffened(protocol, blend.stiffer)),
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:
-        old = (row for row in store.predictions(session, [blend.row.id]) if equals(row, facts, digests))
+        old = store.equal_results(session, Prediction, facts, digests)
         row = next((row for row in old if {link.calibration_id for link in row.calibrations} == sources), None)
         if row is None:
             row = Prediction(
-                mixture_id=blend.row.id,
                 progress=1.0,
                 finished_at=now(),
                 runs=[PredictionRun(specimen_hash=digest) for digest in sorted(digests)],
@@ -174,27 +174,32 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
         row.requested_at = now()
 
 
-def comparisons(target: Store, engine_version: int | None = None) -> list[PredictionReport]:
+def comparisons(
+    target: Store, engine_version: int | None = None, names: Sequence[str] = (), newest: int | None = None
+) -> list[PredictionReport]:
     """Return each mixture's last prediction asked for beside its current measurement, oldest mixture first.
 
-    A mixture without a prediction has the state ``open``; ``outdated`` is a prediction of other proportions,
-    tests or sieves than the store's, or of an older engine than ``engine_version``, by default the newest there.
+    All mixtures, the named, or so many of the ``newest``. A mixture without a prediction has the state ``open``;
+    ``outdated`` is a prediction of other proportions, tests or sieves than the store's, or of an older engine than
+    ``engine_version``, by default the newest there. Raises UnknownName.
     """
     with target.read() as session:
-        rows = store.mixtures(session)
+        rows = store.mixtures(session, names, newest)
         newest_engine = engine_version or store.newest_engine(session)
-        newest: dict[int, Prediction] = {}
-        for row in store.predictions(session):
-            newest.setdefault(row.mixture_id, row)
-    fits = {link.calibration_id: link.calibration for row in newest.values() for link in row.calibrations}
+        found = store.newest_predictions(session, [row.id for row in rows])
+        spread = store.differences(session)
+    fits = {link.calibration_id: link.calibration for row in found.values() for link in row.calibrations}
     stale = {key for key, fit in fits.items() if is_stale(fit)}
     reports = [
-        _comparison(newest[row.id], _outdated(newest[row.id], stale, newest_engine))
-        if row.id in newest
+        _comparison(found[row.id], _outdated(found[row.id], stale, newest_engine))
+        if row.id in found
         else _open_comparison(row)
         for row in rows
     ]
-    return [_with_expected_error(report, reports) for report in reports]
+    return [
+        _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0)))
+        for report in reports
+    ]
 
 
 def _open_comparison(row: Mixture) -> PredictionReport:
@@ -269,16 +274,15 @@ def _volume_mean(row: Prediction) -> float:
     return math.fsum(share * value for share, value in parts) / math.fsum(share for share, _ in parts)
 
 
-def _with_expected_error(report: PredictionReport, all_reports: Sequence[PredictionReport]) -> PredictionReport:
-    """Add the simulation's error, the inputs' and, from two other comparisons on, their RMS difference."""
+def _with_expected_error(report: PredictionReport, count: int, squares: float) -> PredictionReport:
+    """Add the simulation's error, the inputs' and, from two other comparisons on, their RMS difference.
+
+    ``count``: the comparisons of its method and engine; ``squares``: the sum of their squared differences [-].
+    """
     if report.packing_density is None:
         return report
-    others = [
-        other.difference
-        for other in all_reports
-        if other.mixture != report.mixture
-        and (other.method, other.engine_version) == (report.method, report.engine_version)
-        and other.difference is not None
-    ]
-    own = math.sqrt(math.fsum(value**2 for value in others) / len(others)) if len(others) >= 2 else 0.0
+    others, rest = count, squares
+    if report.difference is not None:
+        others, rest = count - 1, squares - report.difference**2
+    own = math.sqrt(max(rest, 0.0) / others) if others >= 2 else 0.0  # below 0 by rounding only
     return replace(report, expected_error=math.hypot(report.standard_error or 0.0, report.input_error or 0.0, own))

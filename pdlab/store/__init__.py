@@ -11,6 +11,7 @@ from pdlab.store.descent import (
     resting_on,
     with_descent,
 )
+from pdlab.store.lists import SHOWN, SIZES, Known, column_kinds, count_rows, current_analyses, differences, list_rows
 from pdlab.store.opening import Store, Upgraded, open_store, upgrade
 from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
@@ -20,12 +21,14 @@ from pdlab.store.selects import (
     calibrations,
     deliveries,
     done_runs,
+    equal_results,
     find_aggregate,
     find_bed,
     find_mixture,
     find_run,
     mixtures,
     newest_engine,
+    newest_predictions,
     newest_test,
     predictions,
     runs,
@@ -33,6 +36,9 @@ from pdlab.store.selects import (
 )
 
 __all__ = [
+    "SHOWN",
+    "SIZES",
+    "Known",
     "Store",
     "TableCopy",
     "Upgraded",
@@ -42,10 +48,15 @@ __all__ = [
     "backup",
     "blends_with",
     "calibrations",
+    "column_kinds",
     "copy",
     "corrections",
+    "count_rows",
+    "current_analyses",
     "deliveries",
+    "differences",
     "done_runs",
+    "equal_results",
     "find_aggregate",
     "find_bed",
     "find_mixture",
@@ -53,9 +64,11 @@ __all__ = [
     "find_run",
     "last_calibration",
     "last_prediction",
+    "list_rows",
     "migrate",
     "mixtures",
     "newest_engine",
+    "newest_predictions",
     "newest_test",
     "open_store",
     "predictions",

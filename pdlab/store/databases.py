@@ -19,6 +19,8 @@ from pdlab.errors import StoreError
 DEFAULT_URL = "sqlite:///pdlab.db"
 LOCK_TIMEOUT = 30.0
 """Seconds that a writer waits for another."""
+CACHE = 64_000
+"""Most KiB of a SQLite file that a connection keeps in memory."""
 CONNECT_TIMEOUT = 10
 """Seconds that a PostgreSQL server has to answer, unless the address says connect_timeout."""
 WRITERS = 0x70646C6162  # "pdlab"
@@ -118,6 +120,7 @@ def _sqlite_engine(url: sa.URL, begin: str, foreign_keys: bool) -> sa.Engine:
         if begin == "BEGIN IMMEDIATE" and not memory:
             connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
+        connection.execute(f"PRAGMA cache_size=-{CACHE}")
         connection.execute(f"PRAGMA foreign_keys={'ON' if foreign_keys else 'OFF'}")
 
     @sa.event.listens_for(made, "begin")

@@ -1,8 +1,8 @@
 """The only SELECTs."""
 
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.orm import Session, selectinload
@@ -20,12 +20,37 @@ from pdlab.models import (
     RunState,
     SieveAnalysis,
 )
+from pdlab.store.lists import PAIRS
 
 ENDED = ("done", "failed")
+MOST_VALUES = 10_000
+"""Values in one statement; SQLite takes 32 766, PostgreSQL 65 535."""
+
+T = TypeVar("T")
+Named = TypeVar("Named", Aggregate, Mixture)
+Result = TypeVar("Result", Calibration, Prediction)
 
 _WITH_TESTS = (
     selectinload(Aggregate.sieve_analyses).selectinload(SieveAnalysis.results),
     selectinload(Aggregate.packing_tests),
+)
+_CALIBRATIONS = (
+    sa.select(Calibration)
+    .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
+    .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS))
+    .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
+)
+_PREDICTIONS = (
+    sa.select(Prediction)
+    .options(
+        selectinload(Prediction.runs),
+        selectinload(Prediction.calibrations)
+        .selectinload(PredictionCalibration.calibration)
+        .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS), selectinload(Calibration.packing_test)),
+    )
+    .options(selectinload(Prediction.mixture).selectinload(Mixture.packing_tests))
+    .options(selectinload(Prediction.mixture).selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
+    .order_by(Prediction.requested_at.desc(), Prediction.id.desc())
 )
 
 
@@ -60,40 +85,56 @@ def aggregates(session: Session, names: Sequence[str] = ()) -> list[Aggregate]:
     """Return the newest delivery of each aggregate, of all or of the named. Raises UnknownName."""
     newest = sa.select(sa.func.max(Aggregate.id)).group_by(Aggregate.name)
     query = sa.select(Aggregate).where(Aggregate.id.in_(newest)).options(*_WITH_TESTS).order_by(Aggregate.id)
-    return _named("aggregate", names, {row.name: row for row in session.scalars(query)})
+    return _named(session, Aggregate, names, query)
 
 
 def aggregates_by_id(session: Session, ids: Sequence[int]) -> list[Aggregate]:
     """Return aggregates, of whatever delivery, with their tests."""
-    return list(session.scalars(sa.select(Aggregate).where(Aggregate.id.in_(ids)).options(*_WITH_TESTS)))
+    query = sa.select(Aggregate).options(*_WITH_TESTS)
+    return [row for part in _parts(ids) for row in session.scalars(query.where(Aggregate.id.in_(part)))]
 
 
-def mixtures(session: Session, names: Sequence[str] = ()) -> list[Mixture]:
-    """Return mixtures with their components, all or the named. Raises UnknownName."""
+def mixtures(session: Session, names: Sequence[str] = (), newest: int | None = None) -> list[Mixture]:
+    """Return mixtures with their components, the oldest first: all, the named, or so many of the ``newest``.
+
+    Raises UnknownName.
+    """
     query = (
         sa.select(Mixture)
         .options(selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
         .options(selectinload(Mixture.packing_tests))
-        .order_by(Mixture.id)
     )
-    return _named("mixture", names, {row.name: row for row in session.scalars(query)})
+    if newest is not None:
+        return list(session.scalars(query.order_by(Mixture.id.desc()).limit(newest)))[::-1]
+    return _named(session, Mixture, names, query.order_by(Mixture.id))
 
 
-def _named(kind: str, names: Sequence[str], found: dict[str, Any]) -> list[Any]:
+def _named(session: Session, table: type[Named], names: Sequence[str], query: sa.Select[Named]) -> list[Named]:
+    """Return the rows of a query that are named, in the order of the names; all of them without names."""
+    if not names:
+        return list(session.scalars(query))
+    found = {row.name: row for part in _parts(names) for row in session.scalars(query.where(table.name.in_(part)))}
     missing = [name for name in names if name not in found]
     if missing:
-        known = ", ".join(sorted(found)[:8]) or "none yet"
+        kind = table.__tablename__
+        known = session.scalars(sa.select(table.name).distinct().order_by(table.name).limit(8))
         raise UnknownName(
             f"the store holds no {kind} named {', '.join(repr(name) for name in missing)} "
-            f"(it holds: {known}); import it or correct the name"
+            f"(it holds: {', '.join(known) or 'none yet'}); import it or correct the name"
         )
-    return [found[name] for name in (dict.fromkeys(names) or found)]
+    return [found[name] for name in dict.fromkeys(names)]
+
+
+def _parts(values: Sequence[T]) -> Iterator[Sequence[T]]:
+    """Cut values into parts: a statement takes some 30 000 of them."""
+    return (values[k : k + MOST_VALUES] for k in range(0, len(values), MOST_VALUES))
 
 
 def done_runs(session: Session, digests: Sequence[str]) -> dict[str, Run]:
     """Return the runs among ``digests`` that are done, by digest."""
-    query = sa.select(Run).where(Run.specimen_hash.in_(digests), Run.state == "done")
-    return {run.specimen_hash: run for run in session.scalars(query)}
+    query = sa.select(Run).where(Run.state == "done")
+    found = (run for part in _parts(digests) for run in session.scalars(query.where(Run.specimen_hash.in_(part))))
+    return {run.specimen_hash: run for run in found}
 
 
 def save_run(session: Session, run: Run, state: RunState | None) -> None:
@@ -119,7 +160,8 @@ def find_run(session: Session, beginning: str) -> Run:
             f"'{beginning}' cannot begin a run's hash, which takes 4 to 64 of the characters 0-9 and a-f; "
             "see 'pdlab ls runs'"
         )
-    query = sa.select(Run).where(Run.specimen_hash.startswith(beginning)).order_by(Run.specimen_hash).limit(2)
+    within = (Run.specimen_hash >= beginning) & (Run.specimen_hash < beginning + "g")  # which an index answers
+    query = sa.select(Run).where(within).order_by(Run.specimen_hash).limit(2)
     found = list(session.scalars(query))
     if not found:
         raise UnknownName(f"the store holds no run whose hash begins with {beginning}; see 'pdlab ls runs'")
@@ -149,13 +191,7 @@ def newest_engine(session: Session) -> int | None:
 
 def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:
     """Return calibrations, done or failed, with their runs, the last asked for first."""
-    query = (
-        sa.select(Calibration)
-        .where(Calibration.state.in_(ENDED))
-        .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
-        .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS))
-        .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
-    )
+    query = _CALIBRATIONS.where(Calibration.state.in_(ENDED))
     if aggregate_ids is not None:
         query = query.where(Calibration.aggregate_id.in_(aggregate_ids))
     return list(session.scalars(query))
@@ -163,24 +199,27 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
 
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:
     """Return predictions, done or failed, with what they rest on, the last asked for first."""
-    query = (
-        sa.select(Prediction)
-        .where(Prediction.state.in_(ENDED))
-        .options(
-            selectinload(Prediction.runs),
-            selectinload(Prediction.calibrations)
-            .selectinload(PredictionCalibration.calibration)
-            .options(selectinload(Calibration.aggregate).options(*_WITH_TESTS), selectinload(Calibration.packing_test)),
-        )
-        .options(selectinload(Prediction.mixture).selectinload(Mixture.packing_tests))
-        .options(
-            selectinload(Prediction.mixture).selectinload(Mixture.components).selectinload(MixtureComponent.aggregate)
-        )
-        .order_by(Prediction.requested_at.desc(), Prediction.id.desc())
-    )
+    query = _PREDICTIONS.where(Prediction.state.in_(ENDED))
     if mixture_ids is not None:
         query = query.where(Prediction.mixture_id.in_(mixture_ids))
     return list(session.scalars(query))
+
+
+def newest_predictions(session: Session, mixture_ids: Sequence[int]) -> dict[int, Prediction]:
+    """Return, by mixture, the prediction last asked for, done or failed, with what it rests on."""
+    newest = sa.select(PAIRS.c.prediction_id)
+    queries = (
+        _PREDICTIONS.where(Prediction.id.in_(newest.where(PAIRS.c.mixture_id.in_(part))))
+        for part in _parts(mixture_ids)
+    )
+    return {row.mixture_id: row for query in queries for row in session.scalars(query)}
+
+
+def equal_results(session: Session, table: type[Result], facts: dict[str, Any], digests: set[str]) -> list[Result]:
+    """Return the stored results, last asked for first, that have these facts and rest on exactly these runs."""
+    query = sa.select(table).filter_by(**facts).order_by(table.requested_at.desc(), table.id.desc())
+    rows = session.scalars(query.options(selectinload(table.runs)))
+    return [row for row in rows if {link.specimen_hash for link in row.runs} == digests]
 
 
 def newest_test(tests: Sequence[PackingTest]) -> PackingTest | None:

@@ -1,6 +1,7 @@
 """What users bring, text → plain records: one parser for the shell, Python and the page; no SQL."""
 
 from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
+from pdlab.tables.conditions import Condition, check_columns, parse_condition, parse_order
 from pdlab.tables.files import read_frame, read_frames, read_path
 from pdlab.tables.layout import (
     DENSITY_KINDS,
@@ -19,6 +20,7 @@ __all__ = [
     "DENSITY_UNITS",
     "LAYOUT",
     "SHARE_KINDS",
+    "Condition",
     "MixtureRecord",
     "ParseError",
     "PastedRow",
@@ -26,9 +28,12 @@ __all__ = [
     "SieveRecord",
     "Tables",
     "above_zero",
+    "check_columns",
     "check_pasted",
+    "parse_condition",
     "parse_integer",
     "parse_number",
+    "parse_order",
     "read_frame",
     "read_frames",
     "read_pasted",

@@ -1,0 +1,235 @@
+"""How fast a large store answers: opening, a page of each list under each condition and order, one mixture.
+
+``python tests/benchmarks/store_speed.py [FILE]``: builds a store of 200 000 runs, 20 000 mixtures and 50 000
+predictions in FILE (in a temporary folder by default), or takes the one that is there. Each time is the least
+of three calls in one process, in ms of the processor, which are those of the clock where nothing else runs; of the
+conditions and orders the slowest is named.
+"""
+
+import datetime as dt
+import itertools
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sqlalchemy as sa
+
+from pdlab import experiments, store
+from pdlab.calibration import METHOD
+from pdlab.models import Base
+from pdlab.store import Store
+
+RUNS, MIXTURES, PREDICTIONS, AGGREGATES, DELIVERIES = 200_000, 20_000, 50_000, 500, 3
+BEGIN = dt.datetime(2026, 1, 1, tzinfo=dt.UTC)
+CHUNK = 5_000
+APERTURES = (31.5, 16.0, 8.0, 4.0, 2.0, 1.0)
+SPECIMEN = '{"species": [' + '{"diameter": 1.0, "friction": 0.1308, "share": 0.5}, ' * 12 + '"width": 20.0}'
+"""As long as a specimen of two aggregates."""
+
+Rows = Iterator[dict[str, Any]]
+
+
+def build(target: Store, scale: float = 1.0, seed: int = 1) -> None:
+    """Fill an empty store with rows that look like a laboratory's, ``scale`` [-] times the whole size."""
+    draw = np.random.default_rng(seed)
+    runs, mixtures, predictions, names = (
+        max(1, round(scale * count)) for count in (RUNS, MIXTURES, PREDICTIONS, AGGREGATES)
+    )
+    digests = [draw.bytes(32).hex() for _ in range(runs)]
+    for table, rows in {
+        "aggregate": _aggregates(names),
+        "sieve_analysis": _analyses(names),
+        "sieve_result": _sieves(names, draw),
+        "mixture": ({"id": k, "name": f"mix {k:05d}"} for k in range(1, mixtures + 1)),
+        "mixture_component": _components(mixtures, names),
+        "packing_test": _tests(names, mixtures, draw),
+        "run": _runs(digests, draw),
+        "calibration": _calibrations(names, draw),
+        "calibration_run": _links("calibration_id", names * DELIVERIES, digests, draw),
+        "prediction": _predictions(predictions, mixtures, draw),
+        "prediction_run": _links("prediction_id", predictions, digests, draw),
+        "prediction_calibration": _sources(predictions, mixtures, names),
+    }.items():
+        _insert(target, table, rows)
+
+
+def _insert(target: Store, table: str, rows: Rows) -> None:
+    with target.write() as session:
+        while chunk := list(itertools.islice(rows, CHUNK)):
+            session.execute(sa.insert(Base.metadata.tables[table]), chunk)
+
+
+def _aggregates(names: int) -> Rows:
+    for k in range(names * DELIVERIES):
+        yield {
+            "id": k + 1, "name": f"gravel {k % names:04d}", "delivery": f"delivery {k // names}",
+            "particle_density_kg_m3": 2600.0 + k % 100, "density_basis": ("oven_dry", "ssd", "apparent")[k % 3],
+            "water_absorption_percent": 1.5, "source": f"pit {k % 7}",
+        }  # fmt: skip
+
+
+def _analyses(names: int) -> Rows:
+    for k in range(1, names * DELIVERIES + 1):
+        yield {"id": k, "aggregate_id": k, "kind": "retained_percent"}
+
+
+def _sieves(names: int, draw: np.random.Generator) -> Rows:
+    for k in range(1, names * DELIVERIES + 1):
+        held = 100.0 * draw.dirichlet(np.ones(len(APERTURES) - 1))
+        for position, (aperture, value) in enumerate(zip(APERTURES, [0.0, *map(float, held)], strict=True)):
+            yield {
+                "sieve_analysis_id": k, "position": position, "aperture_mm": aperture,
+                "retained_percent": value, "raw_text": f"{aperture}\t{value}",
+            }  # fmt: skip
+
+
+def _parts(mixture: int, names: int) -> tuple[int, int]:
+    """Return the two aggregates of a mixture, of any delivery."""
+    first, count = 7 * mixture, names * DELIVERIES
+    return first % count + 1, (first + 1 + mixture % (count - 1)) % count + 1
+
+
+def _components(mixtures: int, names: int) -> Rows:
+    for k in range(1, mixtures + 1):
+        for position, part in enumerate(_parts(k, names)):
+            yield {
+                "mixture_id": k,
+                "position": position,
+                "aggregate_id": part,
+                "solid_volume_share": (0.6, 0.4)[position],
+            }
+
+
+def _tests(names: int, mixtures: int, draw: np.random.Generator) -> Rows:
+    """A test of each aggregate; of the mixtures each second by bulk density, the others by voids or not at all."""
+    rest = {"compaction": "loose", "raw_text": "", "voids_percent": None, "bulk_density_kg_m3": None}
+    for k in range(1, names * DELIVERIES + 1):
+        density = 1500.0 + 100.0 * float(draw.random())
+        yield rest | {"aggregate_id": k, "mixture_id": None, "bulk_density_kg_m3": density}
+    for k in range(1, mixtures + 1):
+        value = float(draw.random())
+        kind = {"bulk_density_kg_m3": 1600.0 + 150.0 * value} if k % 2 else {"voids_percent": 33.0 + 5.0 * value}
+        if k % 10:
+            yield rest | {"aggregate_id": None, "mixture_id": k} | kind
+
+
+def _runs(digests: list[str], draw: np.random.Generator) -> Rows:
+    for k, digest in enumerate(digests):
+        done = draw.random() < 0.97
+        density = 0.56 + 0.08 * float(draw.random())
+        yield {
+            "specimen_hash": digest, "specimen": SPECIMEN, "engine_version": 1 + k // 80_000, "numba_version": "0.68.1",
+            "processor": "znver4", "seed": k % 8 + 1, "spheres": 2500 + 100 * (k % 40),
+            "state": "done" if done else "failed", "packing_density": density if done else None,
+            "coordination_number": 4.5 + float(draw.random()) if done else None, "height": 20.0,
+            "slab_shares": "[0.5, 0.5]", "largest_overlap": 0.005, "rest": "still" if done else None,
+            "steps": 17_000 + k % 5000, "seconds": 2.0 + float(draw.random()), "error": None if done else "not at rest",
+            "created_at": BEGIN + dt.timedelta(minutes=k), "finished_at": BEGIN + dt.timedelta(minutes=k + 1),
+        }  # fmt: skip
+
+
+def _calibrations(names: int, draw: np.random.Generator) -> Rows:
+    for k in range(1, names * DELIVERIES + 1):
+        friction = 0.05 + 0.5 * float(draw.random())
+        yield {
+            "id": k, "aggregate_id": k, "sieve_analysis_id": k, "packing_test_id": k, "method": METHOD,
+            "protocol": "{}", "engine_version": 3, "diameter_rule": "log_mean", "diameter_mm": 4.0 + k % 20,
+            "measured_packing_density": 0.6, "friction": friction, "friction_low": 0.9 * friction,
+            "friction_high": 1.1 * friction, "packing_density": 0.6, "input_error": 0.005, "curve_error": 0.001,
+            "state": "done", "progress": 1.0, "requested_at": BEGIN + dt.timedelta(minutes=k),
+        }  # fmt: skip
+
+
+def _mixture(prediction: int, mixtures: int) -> int:
+    """Return the mixture of a prediction: each has several, asked for long after one another."""
+    return prediction * 7919 % mixtures + 1
+
+
+def _predictions(count: int, mixtures: int, draw: np.random.Generator) -> Rows:
+    for k in range(1, count + 1):
+        failed = draw.random() < 0.03
+        yield {
+            "id": k, "mixture_id": _mixture(k, mixtures), "method": METHOD, "protocol": "{}",
+            "engine_version": 3, "packing_density": None if failed else 0.6 + 0.08 * float(draw.random()),
+            "standard_error": None if failed else 0.001, "input_error": None if failed else 0.004,
+            "state": "failed" if failed else "done", "message": "a bed did not come to rest" if failed else None,
+            "progress": 1.0, "requested_at": BEGIN + dt.timedelta(minutes=k),
+        }  # fmt: skip
+
+
+def _links(key: str, count: int, digests: list[str], draw: np.random.Generator) -> Rows:
+    """Four runs for each."""
+    for k in range(1, count + 1):
+        for place in draw.choice(len(digests), 4, replace=False):
+            yield {key: k, "specimen_hash": digests[place]}
+
+
+def _sources(predictions: int, mixtures: int, names: int) -> Rows:
+    for k in range(1, predictions + 1):
+        for part in _parts(_mixture(k, mixtures), names):
+            yield {"prediction_id": k, "calibration_id": part}
+
+
+def spent(call: Callable[[], Any], times: int = 3) -> float:
+    """Return the least processor time of a call [ms]."""
+    least = float("inf")
+    for _ in range(times):
+        begun = time.process_time()
+        call()
+        least = min(least, 1e3 * (time.process_time() - begun))
+    return least
+
+
+def slowest(target: Store, what: str) -> tuple[float, str]:
+    """Return the longest time [ms] of a page under one condition and one order on the columns shown, and which."""
+    kinds, found = store.column_kinds(what), list[tuple[float, str]]()
+    for column, sign in itertools.product(store.SHOWN[what], ("", "-")):
+        for rest in ("=", "!=zz", "~o") if kinds[column] is str else ("=", ">0.6", ">1e12"):
+            times = spent(lambda: experiments.listed(target, what, [column + rest], [], sign + column, 30))  # noqa: B023
+            found.append((times, f"{column}{rest} --sort {sign}{column}"))
+    return max(found)
+
+
+def report(target: Store) -> Iterator[str]:
+    """Yield a line of the table for each thing timed."""
+    yield f"{spent(lambda: store.open_store(target.url).close()):8.1f}  opening the store"
+    for what in store.SHOWN:
+        yield f"{spent(lambda: experiments.listed(target, what, [], [], '', 30)):8.1f}  {what}: first page"  # noqa: B023
+        most, asked = slowest(target, what)
+        yield f"{most:8.1f}  {what}: slowest page, {asked}"
+        yield f"{spent(lambda: experiments.counted(target, what)):8.1f}  {what}: how many there are"  # noqa: B023
+    with target.read() as session:
+        view = sa.text("SELECT * FROM predicted_vs_measured WHERE mixture = 'mix 00077'")
+        yield f"{spent(lambda: session.execute(view).all()):8.1f}  predicted_vs_measured of one mixture"
+        digests = [row[0] for row in store.list_rows(session, "runs", ["specimen_hash"], limit=5000)]
+    yield f"{spent(lambda: _done(target, digests)):8.1f}  done_runs of {len(digests)} digests"
+    yield f"{spent(lambda: experiments.comparisons(target, names=['mix 00077'])):8.1f}  comparison of one mixture"
+    yield f"{spent(lambda: experiments.comparisons(target, newest=200)):8.1f}  the page: the newest 200 comparisons"
+    yield f"{spent(lambda: experiments.summaries(target)):8.1f}  the page: all aggregates"
+    yield f"{spent(lambda: experiments.listed(target, 'predictions', [], [], '', None)):8.1f}  all predictions"
+    yield f"{spent(lambda: experiments.listed(target, 'runs', [], [], '', None)):8.1f}  all runs"
+
+
+def _done(target: Store, digests: list[str]) -> Any:
+    with target.read() as session:  # anew, or the rows are remembered
+        return store.done_runs(session, digests)
+
+
+def main(path: Path) -> None:
+    """Build the store where there is none, and print the table."""
+    target = store.open_store(path)
+    if target.created:
+        build(target)
+    print(f"{path.stat().st_size / 1e6:8.0f}  MB: {RUNS} runs, {MIXTURES} mixtures, {PREDICTIONS} predictions")
+    for line in report(target):
+        print(line, flush=True)
+    target.close()
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(folder) / "lab.db")
