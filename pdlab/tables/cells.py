@@ -3,12 +3,14 @@
 import datetime as dt
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from pdlab.errors import InputError
 
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+DECIMAL_COMMA = re.compile(r"\s*[+-]?(?![1-9]\d{0,2},\d{3}(?!\d))\d*,\d.*", re.ASCII)
+DOTTED = re.compile(r"\s*[+-]?[1-9]\d{0,2}\.\d{3}(?![\d.,]).*", re.ASCII)
 LARGEST_INTEGER = 1_000_000
 
 
@@ -39,6 +41,33 @@ def parse_number(text: str, *units: str) -> float:
     if not math.isfinite(value):
         raise ParseError(f"'{text.strip()}' is too large a number; correct it")
     return value
+
+
+class Typed(str):
+    """The text of a number that came as a number, from Excel or a frame: its point is no guess."""
+
+    __slots__ = ()
+
+
+class Unread(str):
+    """In place of a cell's text, the sentence that says why it has none."""
+
+    __slots__ = ()
+
+
+def decimal_comma(texts: Iterable[str]) -> str | None:
+    """Return the first number with a decimal comma among ``texts``, None where there is none."""
+    return next((text.strip() for text in texts if DECIMAL_COMMA.fullmatch(text)), None)
+
+
+def refuse_dotted(text: str, comma: str | None) -> None:
+    """Raise ParseError for a number such as 1.240 in a table that has a number with a decimal ``comma``."""
+    if comma is not None and not isinstance(text, Typed) and DOTTED.fullmatch(text):
+        bare = text.strip()
+        raise ParseError(
+            f"'{bare}' may be {bare.replace('.', '')} or {bare.replace('.', ',')}, as '{comma}' in this table has a "
+            "decimal comma; write one of these, 1,240 as 1,24"
+        )
 
 
 def number(*units: str) -> Callable[[str], float]:
@@ -80,11 +109,6 @@ def parse_date(text: str) -> dt.date:
         return dt.date.fromisoformat(text.strip())
     except ValueError as error:
         raise ParseError(f"'{text.strip()}' is no date; write it like 2026-03-31") from error
-
-
-def parse_aperture(text: str) -> float | None:
-    """Return an aperture [mm], None for the pan. Raises ParseError."""
-    return None if text.strip().lower() == "pan" else parse_number(text, "mm")
 
 
 def word_of(*allowed: str) -> Callable[[str], str]:
