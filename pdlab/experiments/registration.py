@@ -108,7 +108,7 @@ def _register_aggregate(work: _Import, row: Row) -> None:
         return
     if there is None:
         store.add_all(work.session, [target])
-    table = "aggregates" if there is None else "aggregates completed"
+    table = "aggregates completed" if there is not None and empty else "aggregates"
     work.done.count(table, there is None or bool(empty), cells["name"])
 
 

@@ -145,6 +145,12 @@ def open_store(given: str | os.PathLike[str] | None = None) -> Store:
     return Store(name, _engine(url), _engine(url, "BEGIN IMMEDIATE"), created)
 
 
+def is_made(given: str | os.PathLike[str] | None = None) -> bool:
+    """Return whether there is a store, without making one. Raises StoreError for what is none."""
+    url = _parse(store_url(given))
+    return url.database not in (None, "", ":memory:") and _revision(url) is not None
+
+
 def upgrade(given: str | os.PathLike[str] | None = None) -> tuple[str | None, str]:
     """Bring a store to the newest revision, making it when it is missing; return before and after.
 

@@ -68,6 +68,11 @@ def aggregates_by_id(session: Session, ids: Sequence[int]) -> list[Aggregate]:
     return list(session.scalars(sa.select(Aggregate).where(Aggregate.id.in_(ids)).options(*_WITH_TESTS)))
 
 
+def all_deliveries(session: Session) -> list[Aggregate]:
+    """Return every delivery of every aggregate with its tests, in the order of their coming."""
+    return list(session.scalars(sa.select(Aggregate).options(*_WITH_TESTS).order_by(Aggregate.id)))
+
+
 def mixtures(session: Session, names: Sequence[str] = ()) -> list[Mixture]:
     """Return mixtures with their components, all or the named. Raises UnknownName."""
     query = (

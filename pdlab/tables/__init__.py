@@ -1,9 +1,11 @@
-"""What users bring, text → plain records: one parser for the shell, Python and the page; no SQL."""
+"""What users bring, text → plain records, and back: one format for the shell, Python and the page; no SQL."""
 
 from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
+from pdlab.tables.designations import parse_aperture
 from pdlab.tables.files import read_frame, read_frames, read_path
 from pdlab.tables.layout import DENSITY_KINDS, DENSITY_UNITS, LAYOUT, MixtureRecord, Row, SieveRecord, Tables
 from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
+from pdlab.tables.writing import check_target, write_tables
 
 __all__ = [
     "DENSITY_KINDS",
@@ -17,6 +19,8 @@ __all__ = [
     "Tables",
     "above_zero",
     "check_pasted",
+    "check_target",
+    "parse_aperture",
     "parse_integer",
     "parse_number",
     "read_frame",
@@ -24,4 +28,5 @@ __all__ = [
     "read_pasted",
     "read_path",
     "split_pasted",
+    "write_tables",
 ]

@@ -10,7 +10,7 @@ from pdlab.errors import InputError
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
 DECIMAL_COMMA = re.compile(r"\s*[+-]?(?![1-9]\d{0,2},\d{3}(?!\d))\d*,\d.*", re.ASCII)
-DOTTED = re.compile(r"\s*[+-]?[1-9]\d{0,2}\.\d{3}(?![\d.,]).*", re.ASCII)
+DOTTED = re.compile(r"\s*([+-]?[1-9]\d{0,2}\.\d{3})(?![\d.,]).*", re.ASCII)
 LARGEST_INTEGER = 1_000_000
 
 
@@ -34,9 +34,7 @@ def parse_number(text: str, *units: str) -> float:
             f"'{text.strip()}' is no number; write it like 12.5{like} or 12,5{like}, without thousands separators"
         )
     if AMBIGUOUS.fullmatch(bare):
-        raise ParseError(
-            f"'{text.strip()}' may be {bare.replace(',', '')} or {bare.replace(',', '.')}; write one of these"
-        )
+        raise _ambiguous(bare)
     value = float(bare.replace(",", "."))
     if not math.isfinite(value):
         raise ParseError(f"'{text.strip()}' is too large a number; correct it")
@@ -62,12 +60,15 @@ def decimal_comma(texts: Iterable[str]) -> str | None:
 
 def refuse_dotted(text: str, comma: str | None) -> None:
     """Raise ParseError for a number such as 1.240 in a table that has a number with a decimal ``comma``."""
-    if comma is not None and not isinstance(text, Typed) and DOTTED.fullmatch(text):
-        bare = text.strip()
-        raise ParseError(
-            f"'{bare}' may be {bare.replace('.', '')} or {bare.replace('.', ',')}, as '{comma}' in this table has a "
-            "decimal comma; write one of these, 1,240 as 1,24"
-        )
+    dotted = DOTTED.fullmatch(text)
+    if comma is not None and dotted and not isinstance(text, Typed):
+        raise _ambiguous(dotted[1], f", as '{comma}' in this table has a decimal comma")
+
+
+def _ambiguous(bare: str, reason: str = "") -> ParseError:
+    """Return the error of a number such as 1,240; a zero more is no thousands separator to anyone."""
+    whole, decimal = re.sub("[.,]", "", bare), bare.replace(",", ".")
+    return ParseError(f"'{bare}' may be {whole} or {decimal}{reason}; write {whole} or {decimal}0")
 
 
 def number(*units: str) -> Callable[[str], float]:
