@@ -101,7 +101,7 @@ def _lab(store: str | None, workers: int | None = None, threads: int = 1) -> Ite
             bar.reset(task, visible=False)
 
     with Lab(store, workers, show, threads) as lab:
-        if lab.store.created:
+        if lab.store.created and lab.store.url != "sqlite://":
             print(f"made a new store: {lab.store.url}")
         try:
             yield lab
@@ -233,12 +233,40 @@ def lab_rows(file: Path, column: str) -> list[str]:
 
 
 @app.command("import")
-def import_(path: Annotated[Path, typer.Argument(metavar="FILE-OR-FOLDER")], store: Store = None) -> None:
-    """Import aggregates, sieves, density tests and mixtures from CSV: all of it or nothing."""
+def import_(
+    path: Annotated[Path, typer.Argument(metavar="FILE-OR-FOLDER")],
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be new; write nothing.")] = False,
+    store: Store = None,
+) -> None:
+    """Import aggregates, sieves, density tests and mixtures from CSV or .xlsx: all of it or nothing."""
+    from pdlab.store import is_made, store_url
+
+    made = not dry_run or is_made(store)  # a dry run beside no store looks at one in memory
+    with _lab(store if made else "sqlite://") as lab:
+        done = lab.import_tables(path, dry_run)
+    new = ", ".join(f"{count} {name}" for name, count in done.new.items() if count) or "nothing new"
+    if dry_run:
+        for (table, is_new), names in done.names.items():
+            shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+            print(f"{'new' if is_new else 'equal'}: {table}: {shown}")
+    if not made:
+        print(f"there is no store yet; {store_url(store)} would be made")
+    for note in done.notes:
+        print(f"note: {note}")
+    print(f"{'would import' if dry_run else 'imported'} {new}; {done.equal} equal to what was there")
+
+
+@app.command()
+def export(
+    path: Annotated[Path, typer.Argument(metavar="FOLDER-OR-FILE.xlsx", help="New; nothing is overwritten.")],
+    store: Store = None,
+) -> None:
+    """Write all aggregates, sieves, density tests and mixtures as the tables that import reads."""
     with _lab(store) as lab:
-        done = lab.import_tables(path)
-        new = ", ".join(f"{count} {name}" for name, count in done.new.items() if count) or "nothing new"
-        print(f"imported {new}; {done.equal} equal to what was there")
+        done = lab.export_tables(path)
+    for note in done.notes:
+        print(f"note: {note}")
+    print(f"written to {path}: {', '.join(f'{count} rows of {table}' for table, count in done.rows.items())}")
 
 
 @app.command()

@@ -18,6 +18,7 @@ from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import (
     CalibrationReport,
     Corrected,
+    Exported,
     Facts,
     PredictionReport,
     Refreshed,
@@ -70,12 +71,21 @@ class Lab:
         self.runner.close()
         self.store.close()
 
-    def import_tables(self, path: str | Path) -> Registered:
-        """Import a table or a folder of tables, all or nothing.
+    def import_tables(self, path: str | Path, dry_run: bool = False) -> Registered:
+        """Import a table, an Excel workbook or a folder of tables, all or nothing.
 
-        Raises TableError with every problem, each with file, row and column.
+        ``dry_run``: write nothing, return what would be new. Raises TableError with every problem, each with
+        file, row and column.
         """
-        return experiments.register(self.store, tables.read_path(Path(path)))
+        return experiments.register(self.store, tables.read_path(Path(path)), dry_run)
+
+    def export_tables(self, path: str | Path) -> Exported:
+        """Write all aggregates, sieve analyses, density tests and mixtures to a new folder or an .xlsx file.
+
+        An import of it into an empty store gives the same values, to the last bit; calibrations, predictions
+        and runs do not travel. Raises InputError where something would be overwritten.
+        """
+        return experiments.export_tables(self.store, Path(path))
 
     def calibrate(
         self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = SEEDS

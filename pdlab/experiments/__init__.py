@@ -6,6 +6,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
@@ -16,6 +17,7 @@ from pdlab.experiments.verification import Verified, verify
 __all__ = [
     "CalibrationReport",
     "Corrected",
+    "Exported",
     "Facts",
     "PredictionReport",
     "Refreshed",
@@ -28,6 +30,7 @@ __all__ = [
     "correct",
     "counted",
     "delete",
+    "export_tables",
     "listed",
     "measured_aggregate",
     "predict",

@@ -1,6 +1,7 @@
 """What users bring → rows: everything of an import, or nothing."""
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from sqlalchemy.orm import Session
 
@@ -11,34 +12,52 @@ from pdlab.models import Aggregate, Mixture, MixtureComponent, PackingTest, Siev
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS, LAYOUT, MixtureRecord, Row, SieveRecord, Tables
 
+_Test = TypeVar("_Test", SieveAnalysis, PackingTest)
 TABLES = ("aggregates", "aggregates completed", "sieve analyses", "density tests", "mixtures")
 
 
 @dataclass
 class Registered:
-    """How many rows an import made, by table, and how many equal ones were there before."""
+    """What an import made, or a dry run would make: records by table, and what equals what was there.
+
+    ``new``: how many records of each table; ``equal``: how many changed nothing; ``names``: the materials of
+    both, by table and whether they are new; ``notes``: what the user should know of an import that went well.
+    """
 
     new: dict[str, int] = field(default_factory=lambda: dict.fromkeys(TABLES, 0))
     equal: int = 0
+    names: dict[tuple[str, bool], list[str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
-    def count(self, table: str, is_new: bool) -> None:
+    def count(self, table: str, is_new: bool, name: str) -> None:
         """Count one record."""
         self.new[table] += is_new
         self.equal += not is_new
+        self.names.setdefault((table, is_new), []).append(name)
 
 
 @dataclass
 class _Import:
-    """One import on its way: the session, what was brought, what is wrong, what was made."""
+    """One import on its way: the session, what was brought, what is wrong, what was made.
+
+    ``matched``: the stored tests that a brought one is or equals; each equals one at most, so that a history
+    with two equal tests in it is brought whole. ``last``: by material, where its test that was brought last
+    stands, and whether it is the newest.
+    """
 
     session: Session
     tables: Tables
     problems: list[Problem]
     done: Registered = field(default_factory=Registered)
+    matched: set[object] = field(default_factory=set)
+    last: dict[tuple[str, Aggregate | Mixture], tuple[Row, bool]] = field(default_factory=dict)
 
 
-def register(target: Store, tables: Tables) -> Registered:
-    """Write all records of ``tables``, or none. Raises TableError with every problem at once."""
+def register(target: Store, tables: Tables, dry_run: bool = False) -> Registered:
+    """Write all records of ``tables``, or none; with ``dry_run`` none, and say what would be written.
+
+    Raises TableError with every problem at once.
+    """
     with target.write() as session:
         work = _Import(session, tables, list(tables.problems))
         for row in tables.aggregates:
@@ -49,10 +68,18 @@ def register(target: Store, tables: Tables) -> Registered:
             _register_mixture(work, blend)
         for row in tables.packing_tests:
             _register_test(work, row)
+        _note_old_ones(work)
         if work.problems:
-            order = {f"{name}.csv": k for k, name in enumerate(LAYOUT)}
-            raise TableError(sorted(work.problems, key=lambda found: (order.get(found.file, 9), found.row or 0)))
+            raise TableError(sorted(work.problems, key=lambda found: (_order(found.file), found.row or 0)))
+        if dry_run:
+            session.rollback()
     return work.done
+
+
+def _order(file: str) -> int:
+    """Return where a table stands among the others, by the name of its file or of its sheet."""
+    stem = file.rpartition(", sheet ")[2].removesuffix(".csv")
+    return list(LAYOUT).index(stem) if stem in LAYOUT else len(LAYOUT)
 
 
 def _register_aggregate(work: _Import, row: Row) -> None:
@@ -81,7 +108,8 @@ def _register_aggregate(work: _Import, row: Row) -> None:
         return
     if there is None:
         store.add_all(work.session, [target])
-    work.done.count("aggregates" if there is None else "aggregates completed", there is None or bool(empty))
+    table = "aggregates completed" if there is not None and empty else "aggregates"
+    work.done.count(table, there is None or bool(empty), cells["name"])
 
 
 def _find(work: _Import, row: Row, name: str, delivery: str) -> Aggregate | None:
@@ -104,25 +132,51 @@ def _register_sieves(work: _Import, record: SieveRecord) -> None:
     aggregate = _find(work, record.first, record.aggregate, record.delivery)
     if aggregate is None:
         return
+    made = SieveAnalysis(
+        kind=record.table.kind,
+        sample_mass_g=record.table.sample_mass,
+        pan_lower_mm=record.table.pan_lower,
+        standard=record.standard,
+        date=record.date,
+        raw_text="\n".join(record.raw),
+        results=[
+            SieveResult(position=k, aperture_mm=row.aperture, raw_text=raw, **{record.table.kind: row.value})
+            for k, (row, raw) in enumerate(zip(record.table.rows, record.raw, strict=True))
+        ],
+    )
     wanted = (record.table, record.standard, record.date)
-    is_new = all((sieve_table(old), old.standard, old.date) != wanted for old in aggregate.sieve_analyses)
-    if is_new:
-        aggregate.sieve_analyses.append(
-            SieveAnalysis(
-                kind=record.table.kind,
-                sample_mass_g=record.table.sample_mass,
-                pan_lower_mm=record.table.pan_lower,
-                standard=record.standard,
-                date=record.date,
-                raw_text="\n".join(record.raw),
-                results=[
-                    SieveResult(position=k, aperture_mm=row.aperture, raw_text=raw, **{record.table.kind: row.value})
-                    for k, (row, raw) in enumerate(zip(record.table.rows, record.raw, strict=True))
-                ],
-            )
-        )
+    equal = [old for old in aggregate.sieve_analyses if (sieve_table(old), old.standard, old.date) == wanted]
+    _keep_test(work, "sieve analyses", aggregate, aggregate.sieve_analyses, equal, made, record.first)
+
+
+def _keep_test(
+    work: _Import,
+    table: str,
+    material: Aggregate | Mixture,
+    rows: list[_Test],
+    equal: list[_Test],
+    made: _Test,
+    place: Row,
+) -> None:
+    """Add a test to the ``rows`` of its material, unless it is one of the ``equal`` ones that were there."""
+    there = next((old for old in equal if old not in work.matched), None)
+    if there is None:
+        rows.append(made)
         work.session.flush()
-    work.done.count("sieve analyses", is_new)
+    work.matched.add(there or made)
+    work.last[table, material] = (place, (there or made) is rows[-1])
+    work.done.count(table, there is None, material.name)
+
+
+def _note_old_ones(work: _Import) -> None:
+    """Note what was brought last of a material's tests and equals one that is not the current one."""
+    for (table, material), (place, is_newest) in work.last.items():
+        if not is_newest:
+            message = (
+                f"equals one of the {table} of '{material.name}' that has a newer one after it, which stays the "
+                "current one; if it was measured anew, give it its date"
+            )
+            work.done.notes.append(str(place.problem(message)))
 
 
 def _register_mixture(work: _Import, record: MixtureRecord) -> None:
@@ -132,7 +186,7 @@ def _register_mixture(work: _Import, record: MixtureRecord) -> None:
         work.tables.named_mixtures.add(record.name)
         return
     there = store.find_mixture(work.session, record.name)
-    work.done.count("mixtures", there is None)
+    work.done.count("mixtures", there is None, record.name)
     if there is None:
         components = [
             MixtureComponent(
@@ -202,8 +256,6 @@ def _register_test(work: _Import, row: Row) -> None:
         column = next((kind for kind in DENSITY_KINDS if cells[kind] is not None), None)
         work.problems.append(row.problem(str(error), column))
         return
-    is_new = all(any(getattr(old, key) != value for key, value in cells.items()) for old in material.packing_tests)
-    if is_new:
-        material.packing_tests.append(test)
-        work.session.flush()
-    work.done.count("density tests", is_new)
+    rows = material.packing_tests
+    equal = [old for old in rows if all(getattr(old, key) == value for key, value in cells.items())]
+    _keep_test(work, "density tests", material, rows, equal, test, row)

@@ -12,12 +12,13 @@ from pdlab.store.descent import (
     with_descent,
 )
 from pdlab.store.lists import SHOWN, SIZES, Known, column_kinds, count_rows, current_analyses, differences, list_rows
-from pdlab.store.opening import Store, Upgraded, open_store, upgrade
+from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
 from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
     add_all,
     aggregates,
     aggregates_by_id,
+    all_deliveries,
     calibrations,
     deliveries,
     done_runs,
@@ -45,6 +46,7 @@ __all__ = [
     "add_all",
     "aggregates",
     "aggregates_by_id",
+    "all_deliveries",
     "backup",
     "blends_with",
     "calibrations",
@@ -62,6 +64,7 @@ __all__ = [
     "find_mixture",
     "find_row",
     "find_run",
+    "is_made",
     "last_calibration",
     "last_prediction",
     "list_rows",

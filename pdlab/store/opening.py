@@ -86,6 +86,12 @@ def open_store(given: str | os.PathLike[str] | None = None) -> Store:
     return Store(shown(url), engine(url), engine(url, writing=True), created=revision is None)
 
 
+def is_made(given: str | os.PathLike[str] | None = None) -> bool:
+    """Return whether there is a store, without making one. Raises StoreError for what is none."""
+    url = parse(store_url(given))
+    return not in_memory(url) and revision_of(url) is not None
+
+
 class Upgraded(NamedTuple):
     """The revisions of a store before (None: there was none) and after, and the backup made in between."""
 

@@ -94,6 +94,11 @@ def aggregates_by_id(session: Session, ids: Sequence[int]) -> list[Aggregate]:
     return [row for part in _parts(ids) for row in session.scalars(query.where(Aggregate.id.in_(part)))]
 
 
+def all_deliveries(session: Session) -> list[Aggregate]:
+    """Return every delivery of every aggregate with its tests, in the order of their coming."""
+    return list(session.scalars(sa.select(Aggregate).options(*_WITH_TESTS).order_by(Aggregate.id)))
+
+
 def mixtures(session: Session, names: Sequence[str] = (), newest: int | None = None) -> list[Mixture]:
     """Return mixtures with their components, the oldest first: all, the named, or so many of the ``newest``.
 

@@ -1,7 +1,8 @@
-"""What users bring, text → plain records: one parser for the shell, Python and the page; no SQL."""
+"""What users bring, text → plain records, and back: one format for the shell, Python and the page; no SQL."""
 
 from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
 from pdlab.tables.conditions import Condition, check_columns, parse_condition, parse_order
+from pdlab.tables.designations import parse_aperture
 from pdlab.tables.files import read_frame, read_frames, read_path
 from pdlab.tables.layout import (
     DENSITY_KINDS,
@@ -14,6 +15,7 @@ from pdlab.tables.layout import (
     Tables,
 )
 from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
+from pdlab.tables.writing import check_target, write_tables
 
 __all__ = [
     "DENSITY_KINDS",
@@ -30,6 +32,8 @@ __all__ = [
     "above_zero",
     "check_columns",
     "check_pasted",
+    "check_target",
+    "parse_aperture",
     "parse_condition",
     "parse_integer",
     "parse_number",
@@ -39,4 +43,5 @@ __all__ = [
     "read_pasted",
     "read_path",
     "split_pasted",
+    "write_tables",
 ]

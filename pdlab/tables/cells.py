@@ -3,12 +3,14 @@
 import datetime as dt
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from pdlab.errors import InputError
 
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 AMBIGUOUS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)
+DECIMAL_COMMA = re.compile(r"\s*[+-]?(?![1-9]\d{0,2},\d{3}(?!\d))\d*,\d.*", re.ASCII)
+DOTTED = re.compile(r"\s*([+-]?[1-9]\d{0,2}\.\d{3})(?![\d.,]).*", re.ASCII)
 LARGEST_INTEGER = 1_000_000
 
 
@@ -32,13 +34,41 @@ def parse_number(text: str, *units: str) -> float:
             f"'{text.strip()}' is no number; write it like 12.5{like} or 12,5{like}, without thousands separators"
         )
     if AMBIGUOUS.fullmatch(bare):
-        raise ParseError(
-            f"'{text.strip()}' may be {bare.replace(',', '')} or {bare.replace(',', '.')}; write one of these"
-        )
+        raise _ambiguous(bare)
     value = float(bare.replace(",", "."))
     if not math.isfinite(value):
         raise ParseError(f"'{text.strip()}' is too large a number; correct it")
     return value
+
+
+class Typed(str):
+    """The text of a number that came as a number, from Excel or a frame: its point is no guess."""
+
+    __slots__ = ()
+
+
+class Unread(str):
+    """In place of a cell's text, the sentence that says why it has none."""
+
+    __slots__ = ()
+
+
+def decimal_comma(texts: Iterable[str]) -> str | None:
+    """Return the first number with a decimal comma among ``texts``, None where there is none."""
+    return next((text.strip() for text in texts if DECIMAL_COMMA.fullmatch(text)), None)
+
+
+def refuse_dotted(text: str, comma: str | None) -> None:
+    """Raise ParseError for a number such as 1.240 in a table that has a number with a decimal ``comma``."""
+    dotted = DOTTED.fullmatch(text)
+    if comma is not None and dotted and not isinstance(text, Typed):
+        raise _ambiguous(dotted[1], f", as '{comma}' in this table has a decimal comma")
+
+
+def _ambiguous(bare: str, reason: str = "") -> ParseError:
+    """Return the error of a number such as 1,240; a zero more is no thousands separator to anyone."""
+    whole, decimal = re.sub("[.,]", "", bare), bare.replace(",", ".")
+    return ParseError(f"'{bare}' may be {whole} or {decimal}{reason}; write {whole} or {decimal}0")
 
 
 def number(*units: str) -> Callable[[str], float]:
@@ -80,11 +110,6 @@ def parse_date(text: str) -> dt.date:
         return dt.date.fromisoformat(text.strip())
     except ValueError as error:
         raise ParseError(f"'{text.strip()}' is no date; write it like 2026-03-31") from error
-
-
-def parse_aperture(text: str) -> float | None:
-    """Return an aperture [mm], None for the pan. Raises ParseError."""
-    return None if text.strip().lower() == "pan" else parse_number(text, "mm")
 
 
 def word_of(*allowed: str) -> Callable[[str], str]:

@@ -11,21 +11,26 @@ from pdlab.grading import SieveTable
 from pdlab.tables.cells import (
     above_zero,
     number,
-    parse_aperture,
     parse_date,
     parse_integer,
     parse_text,
     percent_below_100,
     word_of,
 )
+from pdlab.tables.designations import parse_aperture
 
 
 @dataclass(frozen=True)
 class Column:
-    """How a column is read, and whether every row must fill it."""
+    """How a column is read, whether every row must fill it, and whether it holds numbers."""
 
     parse: Callable[[str], Any]
     required: bool = False
+    number: bool = False
+
+
+def _number(parse: Callable[[str], float | None], required: bool = False) -> Column:
+    return Column(parse, required, number=True)
 
 
 BULK = ("kg/m³", "kg/m3")
@@ -37,21 +42,22 @@ LAYOUT: dict[str, dict[str, Column]] = {
     "aggregates": {
         "name": Column(parse_text, required=True),
         "delivery": Column(parse_text),
-        "particle_density_kg_m3": Column(above_zero(*BULK)),
+        "particle_density_kg_m3": _number(above_zero(*BULK)),
         "density_basis": Column(word_of(*BASES)),
-        "water_absorption_percent": Column(percent_below_100),
+        "water_absorption_percent": _number(percent_below_100),
         "shape": Column(parse_text),
         "source": Column(parse_text),
-        "repose_angle_deg": Column(number("°")),
-        "wall_angle_deg": Column(number("°")),
+        "repose_angle_deg": _number(number("°")),
+        "wall_angle_deg": _number(number("°")),
     },
     "sieves": {
         "aggregate": Column(parse_text, required=True),
         "delivery": Column(parse_text),
-        "aperture_mm": Column(parse_aperture, required=True),
-        **{kind: Column(number(unit)) for kind, unit in SIEVE_UNITS.items()},
-        "sample_mass_g": Column(above_zero("g")),
-        "pan_lower_mm": Column(above_zero("mm")),
+        "analysis": Column(parse_text),
+        "aperture_mm": _number(parse_aperture, required=True),
+        **{kind: _number(number(unit)) for kind, unit in SIEVE_UNITS.items()},
+        "sample_mass_g": _number(above_zero("g")),
+        "pan_lower_mm": _number(above_zero("mm")),
         "standard": Column(parse_text),
         "date": Column(parse_date),
     },
@@ -59,11 +65,11 @@ LAYOUT: dict[str, dict[str, Column]] = {
         "material": Column(parse_text, required=True),
         "delivery": Column(parse_text),
         "compaction": Column(word_of(*COMPACTIONS), required=True),
-        **{kind: Column(number(*units)) for kind, units in DENSITY_UNITS.items()},
-        "repeats": Column(parse_integer),
-        "standard_deviation": Column(number(*BULK, "%")),
-        "container_diameter_mm": Column(above_zero("mm")),
-        "container_height_mm": Column(above_zero("mm")),
+        **{kind: _number(number(*units)) for kind, units in DENSITY_UNITS.items()},
+        "repeats": _number(parse_integer),
+        "standard_deviation": _number(number(*BULK, "%")),
+        "container_diameter_mm": _number(above_zero("mm")),
+        "container_height_mm": _number(above_zero("mm")),
         "standard": Column(parse_text),
         "date": Column(parse_date),
     },
@@ -71,7 +77,7 @@ LAYOUT: dict[str, dict[str, Column]] = {
         "mixture": Column(parse_text, required=True),
         "aggregate": Column(parse_text, required=True),
         "delivery": Column(parse_text),
-        **{kind: Column(number()) for kind in SHARE_KINDS},
+        **{kind: _number(number()) for kind in SHARE_KINDS},
     },
 }
 MARKS = {"sieves": "aperture_mm", "packing_tests": "compaction", "mixtures": "mixture", "aggregates": "name"}

@@ -4,7 +4,8 @@ import re
 from dataclasses import dataclass
 
 from pdlab.grading import SieveRow, SieveTable, check
-from pdlab.tables.cells import ParseError, parse_aperture, parse_number
+from pdlab.tables.cells import ParseError, decimal_comma, parse_number, refuse_dotted
+from pdlab.tables.designations import BLANK_INSIDE, parse_aperture
 from pdlab.tables.layout import SIEVE_UNITS
 
 
@@ -23,8 +24,11 @@ def split_pasted(line: str) -> tuple[str, str]:
 
     Raises ParseError when there are not two.
     """
-    joined = re.sub(r"(?<=\d) +(?=(mm|g|%)(\s|;|$))", "", line.strip())  # a unit belongs to its number
-    cells = re.split(r"\s*[;\t]\s*|\s+", joined)
+    bare = line.strip()
+    named = BLANK_INSIDE.match(bare)
+    name, rest = (named.group(), bare[named.end() :].lstrip(" ;\t")) if named else ("", bare)
+    joined = re.sub(r"(?<=\d) +(?=([µμu]m|mm|g|%)(\s|;|$))", "", rest)  # a unit belongs to its number
+    cells = [name] * bool(name) + re.split(r"\s*[;\t]\s*|\s+", joined)
     if len(cells) != 2:
         raise ParseError(
             f"{len(cells)} values in this line; write an aperture in mm and one value, such as '31,5  120'"
@@ -34,12 +38,14 @@ def split_pasted(line: str) -> tuple[str, str]:
 
 def read_pasted(text: str, kind: str) -> list[PastedRow]:
     """Read a sieve table as typed or pasted: an aperture (or pan) and a value of ``kind`` in each line."""
-    out = []
+    out, comma = [], decimal_comma(re.split(r"[\s;]+", text))
     for number, line in enumerate(text.splitlines(), start=1):
         if not line.strip():
             continue
         try:
             aperture, value = split_pasted(line)
+            refuse_dotted(aperture, comma)
+            refuse_dotted(value, comma)
             row = SieveRow(parse_aperture(aperture), parse_number(value, SIEVE_UNITS[kind]))
             out.append(PastedRow(number, line, row))
         except ParseError as error:

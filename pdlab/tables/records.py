@@ -75,20 +75,17 @@ def _kind_of_group(group: list[Row], kinds: tuple[str, ...], problems: list[Prob
 
 
 def _analyses(group: list[Row], problems: list[Problem]) -> list[list[Row]]:
-    """Part an aggregate's sieve rows into analyses, by standard and date where there are several."""
-    for key in ("standard", "date"):
+    """Part an aggregate's sieve rows into analyses: by their names, else by standard and date, where several."""
+    named = any(row.cells["analysis"] is not None for row in group)
+    keys = ("analysis",) if named else ("standard", "date")
+    for key in keys:
         given = {row.cells[key] for row in group} - {None}
         empty = [row for row in group if row.cells[key] is None]
-        if len(given) > 1 and empty:
-            message = (
-                f"the cell is empty, and other rows of this aggregate name several values; fill {key} in every row"
-            )
+        if (named or len(given) > 1) and empty:
+            message = f"the cell is empty, and other rows of this aggregate fill it; fill {key} in every row"
             problems += [row.problem(message, key) for row in empty]
             return []
-    parted = _groups(
-        group, *(key for key in ("standard", "date") if len({row.cells[key] for row in group} - {None}) > 1)
-    )
-    return parted or [group]
+    return _groups(group, *(key for key in keys if len({row.cells[key] for row in group} - {None}) > 1))
 
 
 def _common(group: list[Row], key: str, problems: list[Problem]) -> Any:
