@@ -61,10 +61,10 @@ def test_a_correction_is_printed_with_what_it_makes_outdated(tmp_path: Path, lab
 
 def test_words_become_rows_with_their_columns() -> None:
     words = ["mixture_component:1/0", "mass_share=0.4", "mixture_component:1/1", "mass_share=0.6"]
-    assert cli._changes(words) == {words[0]: {"mass_share": "0.4"}, words[2]: {"mass_share": "0.6"}}
-    assert cli._changes(["aggregate:a=b", "source=c=d: e"]) == {"aggregate:a=b": {"source": "c=d: e"}}
+    assert cli.descent._changes(words) == {words[0]: {"mass_share": "0.4"}, words[2]: {"mass_share": "0.6"}}
+    assert cli.descent._changes(["aggregate:a=b", "source=c=d: e"]) == {"aggregate:a=b": {"source": "c=d: e"}}
     with pytest.raises(InputError, match="'source=x' corrects nothing named"):
-        cli._changes(["source=x"])
+        cli.descent._changes(["source=x"])
 
 
 def test_delete_says_what_would_go_and_deletes_with_yes(tmp_path: Path, lab_of: Callable[..., Path]) -> None:
@@ -102,9 +102,9 @@ def test_refresh_prints_the_difference_and_then_finds_nothing_to_do(
     lab_of(tmp_path, packing.VERSION - 1)
     store = str(tmp_path / "pdlab.db")
     done = pdlab("ls", "predictions", folder=tmp_path)
-    assert done.stdout.count(f"of engine version {packing.VERSION - 1}; run 'pdlab refresh'") == 3
+    assert f"M+F 1:1: of engine version {packing.VERSION - 1}; run 'pdlab refresh'" in done.stdout
     monkeypatch.setattr("pdlab.lab.Runner", lambda target, *_: FormulaRunner(target))
-    cli.refresh(None, store)
+    cli.descent.refresh(None, store)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"Calibrated and predicted again by engine version {packing.VERSION}")
     rows = [line.split() for line in lines if line.lstrip().startswith(("aggregate", "mixture"))]
@@ -112,5 +112,5 @@ def test_refresh_prints_the_difference_and_then_finds_nothing_to_do(
     for row in rows:
         before, after, difference = (float(cell) for cell in row[-4:-1])
         assert difference == pytest.approx(after - before, abs=2e-4)
-    cli.refresh(None, store)
+    cli.descent.refresh(None, store)
     assert capsys.readouterr().out == f"nothing rests on an engine older than version {packing.VERSION}\n"

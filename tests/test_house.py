@@ -34,21 +34,10 @@ def test_lab_is_reached_from_the_package() -> None:
         _ = pdlab.Laboratory
 
 
-def test_every_verb_stands_in_the_readme() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    for verb in (
-        "demo",
-        "import",
-        "calibrate",
-        "predict",
-        "ls",
-        "serve",
-        "bed",
-        "bench",
-        "db upgrade",
-        "db backup",
-        "db copy",
-    ):
-        assert f"pdlab {verb}" in readme, verb
-    for verb in ("show", "verify", "refresh", "correct", "delete"):
-        assert f"pdlab {verb}" in readme, verb
+def test_every_verb_stands_in_the_readme_and_in_the_plan() -> None:
+    from pdlab.cli import STORE_VERBS, VERBS
+
+    for file in ("README.md", "docs/design.md"):
+        text = (ROOT / file).read_text(encoding="utf-8")
+        for verb in [*VERBS, *(f"db {verb}" for verb in STORE_VERBS)]:
+            assert f"pdlab {verb}" in text, f"{file}: {verb}"

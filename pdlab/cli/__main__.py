@@ -1,0 +1,5 @@
+"""``python -m pdlab.cli``."""
+
+from pdlab.cli import main
+
+main()
