@@ -14,7 +14,7 @@ from pdlab.bedfiles import Bed, standing
 from pdlab.errors import InputError, ProtocolError
 from pdlab.specimen import Component, Protocol, Species, Specimen, equal_spheres, from_canonical, in_cylinder
 
-MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 1)
+MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 2)
 CYLINDER = in_cylinder([Component(1.0, 0.3, 1.0)], 5.0, 5.0, 1, Protocol("loose", "cylinder"))
 RODDED = replace(MIXED, protocol=Protocol("rodded", drops=3, wall_friction=0.2))
 
