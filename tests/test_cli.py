@@ -34,7 +34,7 @@ def refused(done: subprocess.CompletedProcess[str], *sentences: str) -> None:
 def test_version_and_help(tmp_path: Path) -> None:
     assert pdlab("--version", folder=tmp_path).stdout.startswith("pdlab 0.")
     text = pdlab("--help", folder=tmp_path).stdout
-    for verb in ("demo", "import", "calibrate", "predict", "ls", "serve", "db"):
+    for verb in ("demo", "import", "export", "calibrate", "predict", "ls", "serve", "db"):
         assert verb in text
     assert not list(tmp_path.iterdir())
 
@@ -49,6 +49,31 @@ def test_import_makes_the_store_says_so_and_lists(tmp_path: Path) -> None:
     assert "pebbles L+F 1:1" in pdlab("ls", "mixtures", folder=tmp_path).stdout
     assert "no runs yet" in pdlab("ls", "runs", folder=tmp_path).stdout
     assert "already at revision" in pdlab("db", "upgrade", folder=tmp_path).stdout
+
+
+def test_a_dry_run_of_an_import_makes_no_store_and_changes_none(tmp_path: Path, folder: Folder) -> None:
+    done = pdlab("import", str(SHIPPED), "--dry-run", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "new: aggregates: pebbles L, pebbles M, pebbles F" in done.stdout
+    assert "there is no store yet; sqlite:///pdlab.db would be made" in done.stdout
+    assert "would import 3 aggregates, 3 sieve analyses, 6 density tests, 3 mixtures; 0 equal" in done.stdout
+    assert not list(tmp_path.iterdir())
+    pdlab("import", str(SHIPPED), folder=tmp_path)
+    path = folder(packing_tests="material,compaction,voids_percent\npebbles L,loose,39\n")
+    for _ in range(2):
+        done = pdlab("import", str(path / "packing_tests.csv"), "--dry-run", folder=tmp_path)
+        assert done.stdout == "new: density tests: pebbles L\nwould import 1 density tests; 0 equal to what was there\n"
+
+
+@pytest.mark.parametrize("name", ["out", "out.xlsx"])
+def test_export_writes_what_import_reads_and_overwrites_nothing(tmp_path: Path, name: str) -> None:
+    pdlab("import", str(SHIPPED), folder=tmp_path)
+    done = pdlab("export", name, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"written to {name}: 3 rows of aggregates, 6 rows of sieves" in done.stdout
+    refused(pdlab("export", name, folder=tmp_path), "would be overwritten")
+    assert "nothing new; 15 equal" in pdlab("import", name, folder=tmp_path).stdout
+    refused(pdlab("export", "new", "--store", "empty.db", folder=tmp_path), "holds no aggregate yet")
 
 
 def test_the_store_comes_from_the_option_else_the_environment(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """A sieve's designation → its aperture: millimetres, micrometres, ASTM numbers and inches, the pan.
 
-Source of the standard apertures: ASTM E11, table 1; numbers and inches name these, they do not measure.
+Numbers and inches name the standard apertures of ASTM E11, table 1, they do not measure them. The table is from memory
+of the standard: check it against your copy.
 """
 
 import re
