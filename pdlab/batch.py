@@ -141,10 +141,10 @@ class Runner:
         """The version of the engine that runs here."""
         return packing.VERSION
 
-    def close(self) -> None:
-        """End the worker processes; the next call starts new ones."""
+    def close(self, wait: bool = True) -> None:
+        """End the worker processes, after the chunks that they work on if ``wait``; the next call starts new ones."""
         if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool.shutdown(wait=wait, cancel_futures=True)
             self._pool = None
 
     def _run(self, jobs: dict[str, _Job], done: dict[str, Packing | EngineError]) -> None:
@@ -169,7 +169,7 @@ class Runner:
                     self._give_up_pool(lost)
                 self._tell(jobs, done, read)
         except BaseException:  # Ctrl-C too: no worker goes on with what nobody waits for
-            self.close()
+            self.close(wait=False)
             raise
 
     def _submit(self, job: _Job) -> Future[Advanced]:
@@ -194,7 +194,7 @@ class Runner:
 
     def _give_up_pool(self, lost: int) -> None:
         """Leave a broken pool behind. Raises WorkersLost when pools break again and again."""
-        self.close()
+        self.close(wait=False)
         if lost >= LOST_POOLS:
             raise WorkersLost(
                 f"{lost} pools of worker processes died in a row without finishing a chunk; "
