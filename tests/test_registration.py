@@ -26,7 +26,9 @@ TEST = "material,compaction,voids_percent\n"
 
 
 def dump(connection: Any) -> list[Any]:
-    return [list(connection.execute(sa.select(table))) for table in Base.metadata.sorted_tables]
+    return [
+        list(connection.execute(sa.select(table).order_by(*table.primary_key))) for table in Base.metadata.sorted_tables
+    ]
 
 
 def test_a_dry_run_writes_nothing_and_says_what_would_be_new(pebbles: Store, folder: Folder) -> None:
@@ -161,17 +163,17 @@ def refused_or_kept(connection: sa.Connection, read: Callable[[], Tables]) -> No
         outer.rollback()
 
 
-def any_tables(memory: sa.Connection, tables: dict[str, list[list[str]]], write: Callable[..., Path]) -> None:
+def any_tables(database: sa.Connection, tables: dict[str, list[list[str]]], write: Callable[..., Path]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = write(tables, Path(folder))
-        refused_or_kept(memory, lambda: read_path(path))
+        refused_or_kept(database, lambda: read_path(path))
 
 
-def any_bytes(memory: sa.Connection, content: bytes, name: str) -> None:
+def any_bytes(database: sa.Connection, content: bytes, name: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(content)
-        refused_or_kept(memory, lambda: read_path(path))
+        refused_or_kept(database, lambda: read_path(path))
 
 
 def damaged(place: int, damage: bytes, cut: int) -> bytes:
@@ -197,44 +199,44 @@ DAMAGE = (st.integers(0, 100_000), st.binary(max_size=30), st.integers(0, 50) | 
 
 @quick
 @given(tables=sheets(), write=WRITERS)
-def test_no_table_breaks_an_import_or_leaves_half_of_one(memory: sa.Connection, tables: Any, write: Any) -> None:
-    any_tables(memory, tables, write)
+def test_no_table_breaks_an_import_or_leaves_half_of_one(database: sa.Connection, tables: Any, write: Any) -> None:
+    any_tables(database, tables, write)
 
 
 @quick
 @given(content=st.binary(max_size=300), name=NAMES)
-def test_no_bytes_break_an_import(memory: sa.Connection, content: bytes, name: str) -> None:
-    any_bytes(memory, content, name)
+def test_no_bytes_break_an_import(database: sa.Connection, content: bytes, name: str) -> None:
+    any_bytes(database, content, name)
 
 
 @quick
 @given(*DAMAGE)
-def test_no_damaged_workbook_breaks_an_import(memory: sa.Connection, place: int, damage: bytes, cut: int) -> None:
-    any_bytes(memory, damaged(place, damage, cut), "lab.xlsx")
+def test_no_damaged_workbook_breaks_an_import(database: sa.Connection, place: int, damage: bytes, cut: int) -> None:
+    any_bytes(database, damaged(place, damage, cut), "lab.xlsx")
 
 
 @quick
 @given(tables=sheets())
-def test_no_frame_breaks_an_import(memory: sa.Connection, tables: dict[str, list[list[str]]]) -> None:
+def test_no_frame_breaks_an_import(database: sa.Connection, tables: dict[str, list[list[str]]]) -> None:
     frames = {}
     for kind, lines in tables.items():
         width = max(map(len, lines))
         header = [*lines[0], *[""] * (width - len(lines[0]))]
         frames[kind] = pd.DataFrame([[*line, *[""] * (width - len(line))] for line in lines[1:]], columns=header)
-    refused_or_kept(memory, lambda: read_frames(frames))
+    refused_or_kept(database, lambda: read_frames(frames))
 
 
 @pytest.mark.slow
 @many
 @given(tables=sheets(), write=WRITERS)
-def test_no_table_of_many_breaks_an_import(memory: sa.Connection, tables: Any, write: Any) -> None:
-    any_tables(memory, tables, write)
+def test_no_table_of_many_breaks_an_import(database: sa.Connection, tables: Any, write: Any) -> None:
+    any_tables(database, tables, write)
 
 
 @pytest.mark.slow
 @many
 @given(*DAMAGE)
 def test_none_of_many_damaged_workbooks_breaks_an_import(
-    memory: sa.Connection, place: int, damage: bytes, cut: int
+    database: sa.Connection, place: int, damage: bytes, cut: int
 ) -> None:
-    any_bytes(memory, damaged(place, damage, cut), "lab.xlsx")
+    any_bytes(database, damaged(place, damage, cut), "lab.xlsx")
