@@ -95,7 +95,7 @@ MEAN_DENSITY = f"""
             FROM mixture_component k JOIN aggregate a ON a.id = k.aggregate_id WHERE k.mixture_id = m.id
         """
 
-# IN, not a join: SQLite then finds the outdated calibrations once for all rows
+# SQLite finds what stands in IN once for all rows; the plus keeps it from looking up each of them for each row
 PREDICTED_VS_MEASURED = f"""
 CREATE VIEW predicted_vs_measured AS
 SELECT pair.*, pair.predicted - pair.measured AS difference
@@ -106,7 +106,7 @@ FROM (
             WHEN p.state = 'done' AND (EXISTS (
                 SELECT 1 FROM prediction_calibration l
                 WHERE l.prediction_id = p.id
-                    AND l.calibration_id IN (SELECT calibration_id FROM outdated_calibrations)
+                    AND +l.calibration_id IN (SELECT calibration_id FROM outdated_calibrations)
             ) OR {corrected(OF_MIXTURE, "p.requested_at")}) THEN 'outdated'
             ELSE coalesce(p.state, 'open')
         END AS state,

@@ -16,6 +16,7 @@ from pdlab.models import Aggregate, Correction, Mixture, MixtureComponent, Run, 
 
 Column = sa.ColumnElement[Any]
 Columns = Mapping[str, Column]
+Row = tuple[Any, ...]
 Value = str | float | dt.date | None
 Condition = tuple[str, str, Value]
 """A column, one of = != < <= > >= ~ (contains), and a value, None for missing; points in time go by their day, UTC."""
@@ -58,6 +59,8 @@ PAIRS = _view(
     compaction=sa.Text, measured=sa.Float, message=sa.Text, warnings=sa.Text, requested_at=UtcDateTime,
 )  # fmt: skip
 OUTDATED = _view("outdated_calibrations", calibration_id=sa.Integer, aggregate=sa.Text)
+COSTLY = ("state", "message", "warnings", "compaction", "requested_at")
+"""Columns of predictions that a page is better sorted without."""
 SOURCES = _view("prediction_calibration", prediction_id=sa.Integer, calibration_id=sa.Integer)
 
 
@@ -142,22 +145,25 @@ def _older(engine_version: Column, known: Known) -> Column:
 
 
 def _predictions(names: Collection[str], known: Known) -> _List:
-    pairs: sa.FromClause = PAIRS
-    if "expected_error" in names:  # it rests on all rows: what the view gives once is then read twice
-        pairs = _once(*PAIRS.c)
+    wanted = {*names, *(("state", "warnings") if "message" in names else ())}
+    given = [column for column in PAIRS.c if column.key not in COSTLY or column.key in wanted]
+    # the expected error rests on all rows: what the view gives once is then read twice
+    pairs = _once(*given) if "expected_error" in names else sa.select(*given).subquery("pairs")
     difference = pairs.c.predicted - pairs.c.measured
     columns: dict[str, Column] = {"packing_density": pairs.c.predicted, "difference": difference}
-    columns |= {
-        column.key: column for column in pairs.c if column.key not in ("mixture_id", "predicted", "warnings")
-    } | {"message": _message(pairs, known)}
-    older = (pairs.c.state == "done") & (pairs.c.engine_version < known.engine_version)
-    columns["state"] = sa.case((older, "outdated"), else_=pairs.c.state)
-    if "expected_error" not in names:
-        return _List(pairs, columns, (pairs.c.mixture_id,))
-    spread = _spread(pairs).cte("spread")
-    same = (spread.c.method == pairs.c.method) & (spread.c.engine_version == pairs.c.engine_version)
-    columns["expected_error"] = _expected_error(pairs, spread, difference)
-    return _List(pairs.outerjoin(spread, same), columns, (pairs.c.mixture_id,))
+    columns |= {column.key: column for column in pairs.c if column.key not in ("predicted", "warnings")}
+    source: sa.FromClause = pairs
+    if "state" in wanted:
+        older = (pairs.c.state == "done") & (pairs.c.engine_version < known.engine_version)
+        columns["state"] = sa.case((older, "outdated"), else_=pairs.c.state)
+    if "message" in wanted:
+        columns["message"] = _message(pairs, known)
+    if "expected_error" in wanted:
+        spread = _spread(pairs).cte("spread")
+        same = (spread.c.method == pairs.c.method) & (spread.c.engine_version == pairs.c.engine_version)
+        source = pairs.outerjoin(spread, same)
+        columns["expected_error"] = _expected_error(pairs, spread, difference)
+    return _List(source, columns, (pairs.c.mixture_id,))
 
 
 def _once(*columns: Column) -> sa.CTE:
@@ -191,15 +197,17 @@ def _message(pairs: sa.FromClause, known: Known) -> Column:
         .where(SOURCES.c.prediction_id == pairs.c.prediction_id)
         .scalar_subquery()
     )
-    since = names + sa.literal(": tested or sieved anew since, or corrected; run 'pdlab predict' again")
     older = _older(pairs.c.engine_version, known)
-    shares = sa.case((names.is_(None) & older.is_(None), "the mixture was corrected since; run 'pdlab predict' again"))
+    of_old_tests = names + sa.literal(": tested or sieved anew since, or corrected; run 'pdlab predict' again")
+    of_old_shares = sa.case(
+        ((pairs.c.state == "outdated") & older.is_(None), "the mixture was corrected since; run 'pdlab predict' again")
+    )
     notes = (
         pairs.c.message,
         sa.func.replace(pairs.c.warnings, "\n", "; ", type_=sa.Text),
-        sa.case((pairs.c.state.in_(("outdated", "failed")), since)),  # else not even asked for
+        # names cost most: not asked for where nothing is outdated
+        sa.case((pairs.c.state.in_(("outdated", "failed")), sa.func.coalesce(of_old_tests, of_old_shares))),
         older,
-        sa.case((pairs.c.state == "outdated", shares)),
     )
     said: Column = sa.literal("")
     for note in notes:
@@ -219,7 +227,7 @@ def _list(what: str, names: Collection[str], known: Known) -> _List:
 def column_kinds(what: str) -> dict[str, type]:
     """Return the columns of a list, those shown first, each with str, float or dt.date, the kind of its values."""
     kinds = {str: str, int: float, float: float, dt.datetime: dt.date}
-    columns = _list(what, SHOWN[what], Known()).columns
+    columns = _list(what, (*SHOWN[what], *COSTLY), Known()).columns
     return {name: kinds[columns[name].type.python_type] for name in dict.fromkeys((*SHOWN[what], *columns))}
 
 
@@ -231,15 +239,20 @@ def list_rows(
     order: Sequence[tuple[str, bool]] = (),
     limit: int | None = None,
     known: Known = NOTHING,
-) -> list[tuple[Any, ...]]:
+) -> list[Row]:
     """Return a list's ``columns``, row by row.
 
     ``order``: columns to sort by, each with whether its values fall; texts without regard to case, what is
     missing last. ``known``:
     with the sizes where one of SIZES is among the columns.
     """
-    names = {*columns, *(name for name, *_ in conditions), *(name for name, _ in order)}
-    found = _list(what, names, known)
+    search = {*(name for name, *_ in conditions), *(name for name, _ in order)}
+    late = [name for name in columns if name in COSTLY and name not in search]
+    if what == "predictions" and late and limit is not None:
+        early = ["mixture_id", *(name for name in columns if name not in late)]
+        page = list_rows(session, what, early, conditions, order, limit, known)
+        return _with_late(session, page, early, late, columns, known)
+    found = _list(what, {*columns, *search}, known)
     asked = [(_rank(found.columns[name]), falls) for name, falls in order]
     query = (
         sa.select(*(found.columns[name].label(name) for name in columns))
@@ -250,6 +263,18 @@ def list_rows(
         .limit(limit)
     )
     return [tuple(row) for row in session.execute(query)]
+
+
+def _with_late(
+    session: Session, page: list[Row], early: Sequence[str], late: Sequence[str], columns: Sequence[str], known: Known
+) -> list[Row]:
+    """Return a page of predictions with the columns that are looked up only of the rows in it."""
+    found = _predictions(late, known)
+    wanted = (found.columns[name].label(name) for name in ("mixture_id", *late))
+    query = sa.select(*wanted).where(found.columns["mixture_id"].in_([row[0] for row in page]))
+    said = {row[0]: row[1:] for row in session.execute(query)}
+    whole = (dict(zip((*early, *late), (*row, *said[row[0]]), strict=True)) for row in page)
+    return [tuple(row[name] for name in columns) for row in whole]
 
 
 def _rank(column: Column) -> Column:

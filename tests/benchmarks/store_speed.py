@@ -25,10 +25,14 @@ from pdlab.store import Store
 
 RUNS, MIXTURES, PREDICTIONS, AGGREGATES, DELIVERIES = 200_000, 20_000, 50_000, 500, 3
 BEGIN = dt.datetime(2026, 1, 1, tzinfo=dt.UTC)
+ENGINE = 3
 CHUNK = 5_000
 APERTURES = (31.5, 16.0, 8.0, 4.0, 2.0, 1.0)
 SPECIMEN = '{"species": [' + '{"diameter": 1.0, "friction": 0.1308, "share": 0.5}, ' * 12 + '"width": 20.0}'
 """As long as a specimen of two aggregates."""
+
+CONDITIONS = {str: ("=", "!=zz", "~o"), float: ("=", ">0.6", ">1e12"), dt.date: ("=", ">2026-02-01")}
+"""What each column is compared with, by its kind: all rows, some and none meet them."""
 
 Rows = Iterator[dict[str, Any]]
 
@@ -105,11 +109,13 @@ def _components(mixtures: int, names: int) -> Rows:
 
 
 def _tests(names: int, mixtures: int, draw: np.random.Generator) -> Rows:
-    """A test of each aggregate; of the mixtures each second by bulk density, the others by voids or not at all."""
+    """Tests: of each aggregate, of each tenth anew; of mixtures by bulk density or voids, of each tenth none."""
     rest = {"compaction": "loose", "raw_text": "", "voids_percent": None, "bulk_density_kg_m3": None}
     for k in range(1, names * DELIVERIES + 1):
         density = 1500.0 + 100.0 * float(draw.random())
         yield rest | {"aggregate_id": k, "mixture_id": None, "bulk_density_kg_m3": density}
+    for k in range(10, names * DELIVERIES + 1, 10):  # which makes the calibrations outdated
+        yield rest | {"aggregate_id": k, "mixture_id": None, "voids_percent": 40.0}
     for k in range(1, mixtures + 1):
         value = float(draw.random())
         kind = {"bulk_density_kg_m3": 1600.0 + 150.0 * value} if k % 2 else {"voids_percent": 33.0 + 5.0 * value}
@@ -137,7 +143,7 @@ def _calibrations(names: int, draw: np.random.Generator) -> Rows:
         friction = 0.05 + 0.5 * float(draw.random())
         yield {
             "id": k, "aggregate_id": k, "sieve_analysis_id": k, "packing_test_id": k, "method": METHOD,
-            "protocol": "{}", "engine_version": 3, "diameter_rule": "log_mean", "diameter_mm": 4.0 + k % 20,
+            "protocol": "{}", "engine_version": ENGINE, "diameter_rule": "log_mean", "diameter_mm": 4.0 + k % 20,
             "measured_packing_density": 0.6, "friction": friction, "friction_low": 0.9 * friction,
             "friction_high": 1.1 * friction, "packing_density": 0.6, "input_error": 0.005, "curve_error": 0.001,
             "state": "done", "progress": 1.0, "requested_at": BEGIN + dt.timedelta(minutes=k),
@@ -154,7 +160,7 @@ def _predictions(count: int, mixtures: int, draw: np.random.Generator) -> Rows:
         failed = draw.random() < 0.03
         yield {
             "id": k, "mixture_id": _mixture(k, mixtures), "method": METHOD, "protocol": "{}",
-            "engine_version": 3, "packing_density": None if failed else 0.6 + 0.08 * float(draw.random()),
+            "engine_version": ENGINE, "packing_density": None if failed else 0.6 + 0.08 * float(draw.random()),
             "standard_error": None if failed else 0.001, "input_error": None if failed else 0.004,
             "state": "failed" if failed else "done", "message": "a bed did not come to rest" if failed else None,
             "progress": 1.0, "requested_at": BEGIN + dt.timedelta(minutes=k),
@@ -188,8 +194,8 @@ def slowest(target: Store, what: str) -> tuple[float, str]:
     """Return the longest time [ms] of a page under one condition and one order on the columns shown, and which."""
     kinds, found = store.column_kinds(what), list[tuple[float, str]]()
     for column, sign in itertools.product(store.SHOWN[what], ("", "-")):
-        for rest in ("=", "!=zz", "~o") if kinds[column] is str else ("=", ">0.6", ">1e12"):
-            times = spent(lambda: experiments.listed(target, what, [column + rest], [], sign + column, 30))  # noqa: B023
+        for rest in CONDITIONS[kinds[column]]:
+            times = spent(lambda: experiments.listed(target, what, [column + rest], [], sign + column, 30, ENGINE))  # noqa: B023
             found.append((times, f"{column}{rest} --sort {sign}{column}"))
     return max(found)
 
@@ -198,10 +204,10 @@ def report(target: Store) -> Iterator[str]:
     """Yield a line of the table for each thing timed."""
     yield f"{spent(lambda: store.open_store(target.url).close()):8.1f}  opening the store"
     for what in store.SHOWN:
-        yield f"{spent(lambda: experiments.listed(target, what, [], [], '', 30)):8.1f}  {what}: first page"  # noqa: B023
+        yield f"{spent(lambda: experiments.listed(target, what, [], [], '', 30, ENGINE)):8.1f}  {what}: first page"  # noqa: B023
         most, asked = slowest(target, what)
         yield f"{most:8.1f}  {what}: slowest page, {asked}"
-        yield f"{spent(lambda: experiments.counted(target, what)):8.1f}  {what}: how many there are"  # noqa: B023
+        yield f"{spent(lambda: experiments.counted(target, what, [], ENGINE)):8.1f}  {what}: how many there are"  # noqa: B023
     with target.read() as session:
         view = sa.text("SELECT * FROM predicted_vs_measured WHERE mixture = 'mix 00077'")
         yield f"{spent(lambda: session.execute(view).all()):8.1f}  predicted_vs_measured of one mixture"
@@ -210,8 +216,8 @@ def report(target: Store) -> Iterator[str]:
     yield f"{spent(lambda: experiments.comparisons(target, names=['mix 00077'])):8.1f}  comparison of one mixture"
     yield f"{spent(lambda: experiments.comparisons(target, newest=200)):8.1f}  the page: the newest 200 comparisons"
     yield f"{spent(lambda: experiments.summaries(target)):8.1f}  the page: all aggregates"
-    yield f"{spent(lambda: experiments.listed(target, 'predictions', [], [], '', None)):8.1f}  all predictions"
-    yield f"{spent(lambda: experiments.listed(target, 'runs', [], [], '', None)):8.1f}  all runs"
+    yield f"{spent(lambda: experiments.listed(target, 'predictions', [], [], '', None, ENGINE)):8.1f}  all predictions"
+    yield f"{spent(lambda: experiments.listed(target, 'runs', [], [], '', None, ENGINE)):8.1f}  all runs"
 
 
 def _done(target: Store, digests: list[str]) -> Any:
