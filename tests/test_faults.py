@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import sqlalchemy as sa
-from conftest import formula_packing
+from conftest import both, formula_packing
 from sqlalchemy.orm import Session
 
 from pdlab import batch, experiments, packing
@@ -210,17 +210,17 @@ def read_much(url: str, stop: Any, outcome: Any) -> None:
         outcome.put(f"reader: {error!r}")
 
 
+@both
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
-def test_eight_writers_and_two_readers_lose_nothing_and_are_never_locked_out(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'lab.db'}"
-    target = open_store(url)
+def test_eight_writers_and_two_readers_lose_nothing_and_are_never_locked_out(address: str) -> None:
+    target = open_store(address)
     with target.write() as session:
         session.add(Aggregate(name="shared", delivery="", shape="0"))
     target.close()
     context = get_context("fork")
     outcome, stop = context.Queue(), context.Event()
-    writers = [context.Process(target=write_much, args=(url, k, outcome)) for k in range(8)]
-    readers = [context.Process(target=read_much, args=(url, stop, outcome)) for _ in range(2)]
+    writers = [context.Process(target=write_much, args=(address, k, outcome)) for k in range(8)]
+    readers = [context.Process(target=read_much, args=(address, stop, outcome)) for _ in range(2)]
     for one in [*writers, *readers]:
         one.start()
     said = [outcome.get(timeout=120) for _ in writers]
@@ -229,7 +229,7 @@ def test_eight_writers_and_two_readers_lose_nothing_and_are_never_locked_out(tmp
     for one in [*writers, *readers]:
         one.join()
     assert [text for text in said if text] == []
-    target = open_store(url)
+    target = open_store(address)
     with target.read() as session:
         shared = find_aggregate(session, "shared", "")
         assert shared is not None
