@@ -258,7 +258,12 @@ class PackingTest(Edited, Base):
 
 
 class Wish:
-    """Columns of what is asked for and computed: who asked when, who works on it, how far it is."""
+    """Columns of what is asked for and computed: who asked when, who works on it, how far it is.
+
+    ``variant``: empty for the method as it is, else a row of the assumption sheet, as ``pair_friction=mean``.
+    """
+
+    variant: Mapped[str] = mapped_column(String(64), default="", server_default="")
 
     state: Mapped[str] = mapped_column(String(16), default="queued")
     requested_at: Mapped[dt.datetime] = mapped_column(default=now)
@@ -271,14 +276,17 @@ class Wish:
 
 
 class Run(Base):
-    """One simulated bed, named by the SHA-256 of its specimen and engine version."""
+    """One simulated bed or heap, named by the SHA-256 of its specimen and engine version."""
 
     __tablename__ = "run"
     __table_args__ = (
         _one_of("state", STATES),
         CheckConstraint("length(specimen_hash) = 64", name="specimen_hash"),
         CheckConstraint("packing_density > 0 AND packing_density < 1", name="packing_density"),
-        CheckConstraint("state <> 'done' OR packing_density IS NOT NULL", name="done_has_result"),
+        CheckConstraint("repose_angle_deg BETWEEN 0 AND 90", name="repose_angle"),
+        CheckConstraint(
+            "state <> 'done' OR packing_density IS NOT NULL OR repose_angle_deg IS NOT NULL", name="done_has_result"
+        ),
         CheckConstraint("steps >= 0 AND seconds >= 0", name="effort"),
         Index("ix_run_list", *RUN_LIST),
     )
@@ -291,6 +299,7 @@ class Run(Base):
     spheres: Mapped[int]
     state: Mapped[str] = mapped_column(String(16))
     packing_density: Mapped[float | None]
+    repose_angle_deg: Mapped[float | None]
     coordination_number: Mapped[float | None]
     height: Mapped[float | None]
     slab_shares: Mapped[str | None]
@@ -320,13 +329,20 @@ class RunState(Base):
 
 
 class Calibration(Wish, Base):
-    """The friction coefficient whose simulated PD is an aggregate's measured one."""
+    """The friction coefficient whose simulated PD, or angle of repose, is an aggregate's measured one.
+
+    ``spheres``: a JSON list of [diameter_mm, share] where the aggregate becomes spheres of several sizes, of which
+    those below ``leave_out_below_mm`` are left out.
+    """
 
     __tablename__ = "calibration"
     __table_args__ = (
         _one_of("state", STATES),
         CheckConstraint("friction >= 0 AND friction_low >= 0 AND friction_high >= 0", name="friction"),
         CheckConstraint("diameter_mm > 0", name="diameter"),
+        CheckConstraint("measured_angle_deg BETWEEN 0 AND 90", name="measured_angle"),
+        CheckConstraint("wall_friction >= 0", name="wall_friction"),
+        CheckConstraint("leave_out_below_mm > 0", name="leave_out_below"),
         CheckConstraint("state <> 'done' OR friction IS NOT NULL", name="done_has_result"),
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
         Index(None, "aggregate_id"),
@@ -335,13 +351,17 @@ class Calibration(Wish, Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     aggregate_id: Mapped[int] = mapped_column(ForeignKey("aggregate.id"))
     sieve_analysis_id: Mapped[int] = mapped_column(ForeignKey("sieve_analysis.id"))
-    packing_test_id: Mapped[int] = mapped_column(ForeignKey("packing_test.id"))
+    packing_test_id: Mapped[int | None] = mapped_column(ForeignKey("packing_test.id"))
     method: Mapped[str] = mapped_column(String(32))
     protocol: Mapped[str]
     engine_version: Mapped[int | None]
     diameter_rule: Mapped[str] = mapped_column(String(32))
     diameter_mm: Mapped[float]
-    measured_packing_density: Mapped[float]
+    spheres: Mapped[str | None]
+    leave_out_below_mm: Mapped[float | None]
+    measured_packing_density: Mapped[float | None]
+    measured_angle_deg: Mapped[float | None]
+    wall_friction: Mapped[float | None]
     friction: Mapped[float | None]
     friction_low: Mapped[float | None]
     friction_high: Mapped[float | None]
@@ -352,7 +372,7 @@ class Calibration(Wish, Base):
     warnings: Mapped[str | None]
     aggregate: Mapped[Aggregate] = relationship()
     sieve_analysis: Mapped[SieveAnalysis] = relationship()
-    packing_test: Mapped[PackingTest] = relationship()
+    packing_test: Mapped[PackingTest | None] = relationship()
     runs: Mapped[list["CalibrationRun"]] = relationship()
 
 
@@ -376,7 +396,7 @@ class Prediction(Wish, Base):
         CheckConstraint("standard_error >= 0 AND input_error >= 0", name="errors"),
         CheckConstraint("state <> 'done' OR packing_density IS NOT NULL", name="done_has_result"),
         CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
-        Index("ix_prediction_newest", "mixture_id", "requested_at", "id", "state"),
+        Index("ix_prediction_newest", "mixture_id", "method", "variant", "requested_at", "id", "state"),
         Index(None, "state"),
     )
     id: Mapped[int] = mapped_column(primary_key=True)

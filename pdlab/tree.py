@@ -64,18 +64,28 @@ def _of_sieve(facts: Facts) -> str:
 
 
 def _of_prediction(facts: Facts) -> str:
-    return f"{_error_bars(facts, 'standard_error')}, method {facts['method']}, {_made(facts)}"
+    return f"{_error_bars(facts, 'standard_error')}, {_method(facts)}, {_made(facts)}"
 
 
 def _of_calibration(facts: Facts) -> str:
     if facts["friction"] is None:
-        return f"method {facts['method']}, {_made(facts)}"
+        return f"{_method(facts)}, {_made(facts)}"
     low, high = (("open" if facts[end] is None else f"{facts[end]:.4g}") for end in ("friction_low", "friction_high"))
     return (
-        f"friction {facts['friction']:.4g} ({low} to {high}) at {_error_bars(facts, 'curve_error')}, measured "
-        f"{facts['measured_packing_density']:.4f}, diameter {facts['diameter_mm']:.4g} mm ({facts['diameter_rule']}), "
-        f"method {facts['method']}, {_made(facts)}"
+        f"friction {facts['friction']:.4g} ({low} to {high}) at {_error_bars(facts, 'curve_error')}, "
+        f"{_measured(facts)}, diameter {facts['diameter_mm']:.4g} mm ({facts['diameter_rule']}), {_method(facts)}, "
+        f"{_made(facts)}"
     )
+
+
+def _measured(facts: Facts) -> str:
+    density, angle = facts["measured_packing_density"], facts["measured_angle_deg"]
+    said = ([] if density is None else [f"{density:.4f}"]) + ([] if angle is None else [f"angle of repose {angle:g}°"])
+    return f"measured {' and '.join(said) or 'nothing'}"
+
+
+def _method(facts: Facts) -> str:
+    return f"method {facts['method']}" + (f" with {facts['variant']}" if facts["variant"] else "")
 
 
 def _error_bars(facts: Facts, simulation: str) -> str:

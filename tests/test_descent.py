@@ -12,7 +12,7 @@ from rich.console import Console
 
 from pdlab.errors import InputError, UnknownName
 from pdlab.experiments import calibrate, correct, predict, show
-from pdlab.models import Aggregate, Mixture, PackingTest, Run, SieveAnalysis
+from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run, SieveAnalysis, now
 from pdlab.store import Store
 from pdlab.tree import draw
 
@@ -147,3 +147,17 @@ def test_what_is_entered_and_not_yet_used_is_shown_too(pebbles: Store) -> None:
     assert "sieve_result:1/0: 60.96 mm" in text_of(facts)
     with pebbles.read() as session:
         assert session.scalars(sa.select(SieveAnalysis)).first() is not None
+
+
+def test_a_calibration_by_angle_of_repose_is_shown_without_a_density_test(pebbles: Store) -> None:
+    with pebbles.write() as session:
+        kept = {"aggregate_id": 1, "sieve_analysis_id": 1, "protocol": '{"compaction": "loose"}', "state": "done"}
+        angle = {"method": "repose", "measured_angle_deg": 32.0, "wall_friction": 0.4, "variant": "local_damping=0"}
+        sizes = {"diameter_rule": "d50", "diameter_mm": 8.0, "spheres": "[[8.0, 0.6], [4.0, 0.4]]"}
+        session.add(Calibration(friction=0.3, requested_at=now(), **kept, **angle, **sizes))
+    facts = show(pebbles, "calibration:1")
+    assert facts["packing_test"] is None
+    assert facts["spheres"] == [[8.0, 0.6], [4.0, 0.4]]
+    text = text_of(facts)
+    assert "measured angle of repose 32°, diameter 8 mm (d50), method repose with local_damping=0, loose" in text
+    assert "packing_test" not in text

@@ -19,7 +19,7 @@ from pdlab.cli import app
 from pdlab.errors import ConditionError, NotAtRest
 from pdlab.experiments import comparisons, counted, listed, register, summaries
 from pdlab.lab import SHIPPED
-from pdlab.models import Mixture, Prediction, Run, now
+from pdlab.models import Calibration, Mixture, Prediction, Run, now
 from pdlab.store import Store, open_store
 from pdlab.tables import Condition, parse_condition, parse_order, read_path
 
@@ -181,6 +181,29 @@ def test_the_list_of_predictions_says_what_the_services_compute(compared: Store)
             assert value == (pytest.approx(wanted, abs=1e-12) if isinstance(wanted, float) else wanted), name
 
 
+def test_a_mixture_has_a_row_for_the_newest_prediction_of_each_method_and_none_for_variants(compared: Store) -> None:
+    kept = {"mixture_id": 1, "protocol": "{}", "state": "done"}
+    rows = [("graded", "", 0.61), ("graded", "", 0.62), ("static", "", 0.5), ("graded", "local_damping=0", 0.7),
+            ("ordered", "local_damping=0", 0.74)]  # fmt: skip
+    with compared.write() as session:
+        for k, (method, variant, value) in enumerate(rows):
+            when = now() + dt.timedelta(seconds=k)
+            session.add(Prediction(method=method, variant=variant, packing_density=value, requested_at=when, **kept))
+            session.flush()
+        session.add(Prediction(method="graded", packing_density=0.9, mixture_id=1, protocol="{}"))  # it waits
+    names = ["mixture", "method", "packing_density", "message"]
+    seen = [row for row in rows_of(compared, "predictions", [], names) if row[0] == "pebbles L+M 1:1"]
+    assert [row[:3] for row in seen[1:]] == [("pebbles L+M 1:1", "graded", 0.62), ("pebbles L+M 1:1", "static", 0.5)]
+    assert seen[0][1] == METHOD
+    assert listed(compared, "predictions", [], names, "", 3)[1] == seen
+    reports = comparisons(compared, names=["pebbles L+M 1:1"])
+    assert [(report.mixture, report.method, report.packing_density) for report in reports] == [row[:3] for row in seen]
+    with compared.read() as session:
+        last = store_module.last_prediction(session, 1)
+        assert last is not None
+        assert (last.method, last.variant) == ("static", "")
+
+
 def test_the_expected_error_rests_on_the_other_mixtures(compared: Store) -> None:
     reports = [report for report in comparisons(compared) if report.difference is not None]
     for report in reports:
@@ -216,6 +239,40 @@ def test_the_view_of_aggregates_says_what_the_services_compute(compared: Store, 
 
     experiments.calibrate(compared, fails, ["B"], seeds=2)
     assert [friction is None for friction in check()] == [False, False, False, True, False, True, True]
+
+
+def test_a_variant_of_a_calibration_is_not_the_current_one(compared: Store) -> None:
+    before = rows_of(compared, "aggregates", ["aggregate=pebbles L"], ["friction", "calibration_id"])
+    with compared.write() as session:
+        found = session.scalars(sa.select(Calibration).where(Calibration.id == before[0][1])).one()
+        facts = {column.name: getattr(found, column.name) for column in Calibration.__table__.columns}
+        rest = {"id": None, "variant": "pair_friction=mean", "friction": 0.9, "requested_at": now()}
+        session.add(Calibration(**facts | rest))
+    assert rows_of(compared, "aggregates", ["aggregate=pebbles L"], ["friction", "calibration_id"]) == before
+    with compared.read() as session:
+        last = store_module.last_calibration(session, found.aggregate_id)
+        assert last is not None
+        assert last.id == found.id
+
+
+def test_a_calibration_by_angle_of_repose_is_outdated_by_corrected_angles_and_not_by_densities(
+    pebbles: Store,
+) -> None:
+    experiments.correct(pebbles, {"aggregate:pebbles L": {"repose_angle_deg": "32"}}, "A")
+    with pebbles.write() as session:
+        kept = {"aggregate_id": 1, "sieve_analysis_id": 1, "method": "repose", "protocol": "{}", "state": "done",
+                "diameter_rule": "d50", "diameter_mm": 8.0, "friction": 0.3}  # fmt: skip
+        session.add(Calibration(measured_angle_deg=32.0, wall_friction=0.4, **kept))
+
+    def current() -> list[tuple[Any, ...]]:
+        return rows_of(pebbles, "aggregates", ["aggregate=pebbles L"], ["friction"])
+
+    assert current() == [(0.3,)]
+    density = {"particle_density_kg_m3": "2600", "density_basis": "oven_dry"}
+    experiments.correct(pebbles, {"aggregate:pebbles L": density}, "A")
+    assert current() == [(0.3,)]
+    experiments.correct(pebbles, {"aggregate:pebbles L": {"repose_angle_deg": "35"}}, "A")
+    assert current() == [(None,)]
 
 
 def test_one_mixture_is_compared_without_reading_the_others(compared: Store) -> None:
@@ -306,7 +363,8 @@ def test_what_asks_for_one_mixture_or_run_searches_by_index(large: Store) -> Non
     steps = plans(large, call)
     digest_step = "SCAN run USING COVERING INDEX sqlite_autoindex_run_1"  # the test's own first statement
     scans = [step for step in steps if step.startswith("SCAN") and step != digest_step]
-    assert steps.count("SEARCH x USING COVERING INDEX ix_prediction_newest (mixture_id=?)") == 2
+    assert sum("ix_prediction_newest (mixture_id=?)" in step for step in steps) == 2
+    assert sum("ix_prediction_newest (mixture_id=? AND method=? AND variant=?" in step for step in steps) == 2
     assert set(scans) <= {"SCAN c", "SCAN k"}  # calibrations and corrections: are they outdated?
 
 

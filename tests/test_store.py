@@ -11,7 +11,7 @@ import sqlalchemy as sa
 from conftest import both
 
 from pdlab.errors import StoreError
-from pdlab.models import Aggregate, Base, Run, RunState, SieveAnalysis, SieveResult
+from pdlab.models import Aggregate, Base, Calibration, Run, RunState, SieveAnalysis, SieveResult
 from pdlab.store import Store, databases, find_aggregate, open_store, store_url, upgrade
 
 
@@ -77,13 +77,34 @@ def test_an_address_that_is_none_is_refused() -> None:
         Run(specimen_hash="short", specimen="{}", engine_version=1, seed=1, spheres=1, state="queued"),
         Run(specimen_hash="0" * 64, specimen="{}", engine_version=1, seed=1, spheres=1, state="done"),
         Run(specimen_hash="0" * 64, specimen="{}", engine_version=1, seed=1, spheres=1, state="lost"),
+        Run(specimen_hash="0" * 64, specimen="{}", engine_version=1, seed=1, spheres=1, state="done",
+            repose_angle_deg=91.0),
         RunState(specimen_hash="1" * 64, steps=1, archive=b""),
         SieveAnalysis(aggregate_id=99, kind="retained_g"),
     ],
-)
+)  # fmt: skip
 def test_rows_that_cannot_be_are_refused_by_the_database(store: Store, row: Base) -> None:
     with pytest.raises(sa.exc.IntegrityError), store.write() as session:
         session.add(row)
+
+
+def test_a_run_that_is_done_has_a_packing_density_or_an_angle_of_repose(store: Store) -> None:
+    with store.write() as session:
+        for digit, result in {"0": {"packing_density": 0.6}, "1": {"repose_angle_deg": 32.0}}.items():
+            kept = {"specimen_hash": digit * 64, "specimen": "{}", "engine_version": 1, "seed": 1, "spheres": 1}
+            session.add(Run(state="done", **kept, **result))
+    with store.read() as session:
+        assert session.scalar(sa.select(sa.func.count()).select_from(Run)) == 2
+
+
+@pytest.mark.parametrize("column", ["measured_angle_deg", "wall_friction", "leave_out_below_mm"])
+def test_what_a_calibration_cannot_rest_on_is_refused_by_the_database(pebbles: Store, column: str) -> None:
+    kept = {"aggregate_id": 1, "sieve_analysis_id": 1, "method": "repose", "protocol": "{}", "diameter_rule": "d50",
+            "diameter_mm": 8.0}  # fmt: skip
+    with pebbles.write() as session:
+        session.add(Calibration(**kept, **{column: 0.5}))
+    with pytest.raises(sa.exc.IntegrityError), pebbles.write() as session:
+        session.add(Calibration(**kept, **{column: -0.5}))
 
 
 def test_one_delivery_of_a_name_stands_once(store: Store) -> None:

@@ -204,7 +204,8 @@ def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationRep
         curve_error=float(row.curve_error or 0.0),
         warnings=tuple((row.warnings or "").splitlines()),
     )
+    measured = math.nan if row.measured_packing_density is None else row.measured_packing_density
     return CalibrationReport(
-        aggregate.name, aggregate.id, row.id, row.diameter_mm, row.diameter_rule, row.measured_packing_density,
+        aggregate.name, aggregate.id, row.id, row.diameter_mm, row.diameter_rule, measured,
         row.packing_test.compaction if row.packing_test else "", result, particle_density(aggregate),
     )  # fmt: skip

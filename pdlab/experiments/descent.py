@@ -26,7 +26,7 @@ from pdlab.store import Store
 Facts = dict[str, Any]
 """A row as plain data, by column, with what it rests on nested inside."""
 SHOWN = ("prediction", "mixture", "calibration", "aggregate", "run", "sieve_analysis", "packing_test")
-JSON_COLUMNS = ("protocol", "specimen", "slab_shares")
+JSON_COLUMNS = ("protocol", "specimen", "slab_shares", "spheres")
 
 
 def show(target: Store, what: str) -> Facts:
@@ -68,7 +68,7 @@ def plain(row: Base, with_parents: bool = False) -> Facts:
 def _plain(name: str, value: Any) -> Any:
     if isinstance(value, dt.date):
         return value.isoformat()
-    return json.loads(value) if name in JSON_COLUMNS and value is not None else value
+    return json.loads(value) if name in JSON_COLUMNS and isinstance(value, str) else value  # a run counts its spheres
 
 
 def _last_result(session: Session, row: Base) -> Calibration | Prediction | None:
@@ -100,7 +100,7 @@ class _Tree:
             facts["calibrations"] = [self.whole(link.calibration) for link in row.calibrations]
         elif isinstance(row, Calibration):
             facts["aggregate"] = self.alone(row.aggregate)
-            facts["packing_test"] = self.alone(row.packing_test)
+            facts["packing_test"] = None if row.packing_test is None else self.alone(row.packing_test)
             facts["sieve_analysis"] = self._sieved(row.sieve_analysis)
         elif isinstance(row, Mixture):
             facts["components"] = [

@@ -83,7 +83,8 @@ def predict(
     _run_blends(blends, run_all, seeds)
     for blend in blends:
         _save_prediction(target, blend)
-    fresh = {report.mixture: report for report in comparisons(target, names=[blend.row.name for blend in blends])}
+    found = comparisons(target, names=[blend.row.name for blend in blends])
+    fresh = {report.mixture: report for report in found if report.method == METHOD}
     return [
         fresh[blend.row.name]
         if blend.error is None
@@ -177,24 +178,24 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
 def comparisons(
     target: Store, engine_version: int | None = None, names: Sequence[str] = (), newest: int | None = None
 ) -> list[PredictionReport]:
-    """Return each mixture's last prediction asked for beside its current measurement, oldest mixture first.
+    """Return each mixture's last prediction by each method beside its current measurement, oldest mixture first.
 
-    All mixtures, the named, or so many of the ``newest``. A mixture without a prediction has the state ``open``;
-    ``outdated`` is a prediction of other proportions, tests or sieves than the store's, or of an older engine than
-    ``engine_version``, by default the newest there. Raises UnknownName.
+    All mixtures, the named, or so many of the ``newest``; variants are left out. A mixture without a prediction
+    has the state ``open``; ``outdated`` is a prediction of other proportions, tests or sieves than the store's, or
+    of an older engine than ``engine_version``, by default the newest there. Raises UnknownName.
     """
     with target.read() as session:
         rows = store.mixtures(session, names, newest)
         newest_engine = engine_version or store.newest_engine(session)
         found = store.newest_predictions(session, [row.id for row in rows])
         spread = store.differences(session)
-    fits = {link.calibration_id: link.calibration for row in found.values() for link in row.calibrations}
+    done = [prediction for several in found.values() for prediction in several]
+    fits = {link.calibration_id: link.calibration for one in done for link in one.calibrations}
     stale = {key for key, fit in fits.items() if is_stale(fit)}
     reports = [
-        _comparison(found[row.id], _outdated(found[row.id], stale, newest_engine))
-        if row.id in found
-        else _open_comparison(row)
+        _open_comparison(row) if one is None else _comparison(one, _outdated(one, stale, newest_engine))
         for row in rows
+        for one in found.get(row.id, [None])
     ]
     return [
         _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0)))
@@ -267,11 +268,13 @@ def _rests_on_these_proportions(row: Prediction) -> bool:
     return bed.digest(row.engine_version or 0) in {run.specimen_hash for run in row.runs}
 
 
-def _volume_mean(row: Prediction) -> float:
-    """Return Σ y_i PD_i [-], the mixture's PD if its parts did not fill each other's voids."""
+def _volume_mean(row: Prediction) -> float | None:
+    """Return Σ y_i PD_i [-], the mixture's PD if no part filled another's voids; None where one is unknown."""
     alone = {link.calibration.aggregate_id: link.calibration.measured_packing_density for link in row.calibrations}
-    parts = [(part.solid_volume_share, alone[part.aggregate_id]) for part in row.mixture.components]
-    return math.fsum(share * value for share, value in parts) / math.fsum(share for share, _ in parts)
+    parts = [(part.solid_volume_share, alone.get(part.aggregate_id)) for part in row.mixture.components]
+    if any(value is None for _, value in parts):
+        return None
+    return math.fsum(share * (value or 0.0) for share, value in parts) / math.fsum(share for share, _ in parts)
 
 
 def _with_expected_error(report: PredictionReport, count: int, squares: float) -> PredictionReport:

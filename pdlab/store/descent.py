@@ -71,14 +71,14 @@ def with_descent(session: Session, row: Row) -> Row:
 
 
 def last_calibration(session: Session, aggregate_id: int) -> Calibration | None:
-    """Return the calibration of an aggregate that was asked for last, whatever its state."""
-    query = sa.select(Calibration).where(Calibration.aggregate_id == aggregate_id)
+    """Return the calibration of an aggregate that was asked for last, whatever its state; no variant."""
+    query = sa.select(Calibration).where(Calibration.aggregate_id == aggregate_id, Calibration.variant == "")
     return session.scalars(query.order_by(Calibration.requested_at.desc(), Calibration.id.desc())).first()
 
 
 def last_prediction(session: Session, mixture_id: int) -> Prediction | None:
-    """Return the prediction of a mixture that was asked for last, whatever its state."""
-    query = sa.select(Prediction).where(Prediction.mixture_id == mixture_id)
+    """Return the prediction of a mixture that was asked for last, whatever its method and state; no variant."""
+    query = sa.select(Prediction).where(Prediction.mixture_id == mixture_id, Prediction.variant == "")
     return session.scalars(query.order_by(Prediction.requested_at.desc(), Prediction.id.desc())).first()
 
 

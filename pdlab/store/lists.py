@@ -59,6 +59,7 @@ PAIRS = _view(
     compaction=sa.Text, measured=sa.Float, message=sa.Text, warnings=sa.Text, requested_at=UtcDateTime,
 )  # fmt: skip
 OUTDATED = _view("outdated_calibrations", calibration_id=sa.Integer, aggregate=sa.Text)
+PAIR_KEY = ("mixture_id", "prediction_id")
 COSTLY = ("state", "message", "warnings", "compaction", "requested_at")
 """Columns of predictions that a page is better sorted without."""
 SOURCES = _view("prediction_calibration", prediction_id=sa.Integer, calibration_id=sa.Integer)
@@ -118,6 +119,7 @@ def _runs() -> _List:
     others = (
         "finished_at",
         "created_at",
+        "repose_angle_deg",
         "height",
         "largest_overlap",
         "numba_version",
@@ -163,7 +165,7 @@ def _predictions(names: Collection[str], known: Known) -> _List:
         same = (spread.c.method == pairs.c.method) & (spread.c.engine_version == pairs.c.engine_version)
         source = pairs.outerjoin(spread, same)
         columns["expected_error"] = _expected_error(pairs, spread, difference)
-    return _List(source, columns, (pairs.c.mixture_id,))
+    return _List(source, columns, (pairs.c.mixture_id, pairs.c.prediction_id))
 
 
 def _once(*columns: Column) -> sa.CTE:
@@ -249,7 +251,7 @@ def list_rows(
     search = {*(name for name, *_ in conditions), *(name for name, _ in order)}
     late = [name for name in columns if name in COSTLY and name not in search]
     if what == "predictions" and late and limit is not None:
-        early = ["mixture_id", *(name for name in columns if name not in late)]
+        early = [*PAIR_KEY, *(name for name in columns if name not in late)]
         page = list_rows(session, what, early, conditions, order, limit, known)
         return _with_late(session, page, early, late, columns, known)
     found = _list(what, {*columns, *search}, known)
@@ -270,10 +272,10 @@ def _with_late(
 ) -> list[Row]:
     """Return a page of predictions with the columns that are looked up only of the rows in it."""
     found = _predictions(late, known)
-    wanted = (found.columns[name].label(name) for name in ("mixture_id", *late))
+    wanted = (found.columns[name].label(name) for name in (*PAIR_KEY, *late))
     query = sa.select(*wanted).where(found.columns["mixture_id"].in_([row[0] for row in page]))
-    said = {row[0]: row[1:] for row in session.execute(query)}
-    whole = (dict(zip((*early, *late), (*row, *said[row[0]]), strict=True)) for row in page)
+    said = {row[:2]: row[2:] for row in session.execute(query)}
+    whole = (dict(zip((*early, *late), (*row, *said[row[:2]]), strict=True)) for row in page)
     return [tuple(row[name] for name in columns) for row in whole]
 
 

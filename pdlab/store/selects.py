@@ -210,14 +210,20 @@ def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> l
     return list(session.scalars(query))
 
 
-def newest_predictions(session: Session, mixture_ids: Sequence[int]) -> dict[int, Prediction]:
-    """Return, by mixture, the prediction last asked for, done or failed, with what it rests on."""
+def newest_predictions(session: Session, mixture_ids: Sequence[int]) -> dict[int, list[Prediction]]:
+    """Return, by mixture, each method's prediction last asked for, done or failed, with what it rests on.
+
+    The oldest stands first. Variants are left out.
+    """
     newest = sa.select(PAIRS.c.prediction_id)
     queries = (
         _PREDICTIONS.where(Prediction.id.in_(newest.where(PAIRS.c.mixture_id.in_(part))))
         for part in _parts(mixture_ids)
     )
-    return {row.mixture_id: row for query in queries for row in session.scalars(query)}
+    out = dict[int, list[Prediction]]()
+    for row in sorted((row for query in queries for row in session.scalars(query)), key=lambda row: row.id):
+        out.setdefault(row.mixture_id, []).append(row)
+    return out
 
 
 def equal_results(session: Session, table: type[Result], facts: dict[str, Any], digests: set[str]) -> list[Result]:
