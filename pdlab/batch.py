@@ -21,6 +21,7 @@ import numpy as np
 
 from pdlab import packing, store
 from pdlab.errors import EngineError, WorkersLost
+from pdlab.experiments.readings import packing_of
 from pdlab.models import Run, RunState, now
 from pdlab.specimen import Packing, Specimen
 from pdlab.store import Store
@@ -125,7 +126,7 @@ class Runner:
         digests = [specimen.digest(packing.VERSION) for specimen in specimens]
         with self.target.read() as session:
             stored = store.done_runs(session, digests)
-        done: dict[str, Packing | EngineError] = {digest: _packing(run) for digest, run in stored.items()}
+        done: dict[str, Packing | EngineError] = {digest: packing_of(run) for digest, run in stored.items()}
         self.read += len(done)
         jobs = {
             digest: _Job(specimen, digest)
@@ -286,20 +287,3 @@ def _state_row(job: _Job) -> RunState:
     archive = io.BytesIO()
     np.savez_compressed(archive, place=job.state.place, species=job.state.species.astype(np.uint8))
     return RunState(specimen_hash=job.digest, steps=job.state.steps, archive=archive.getvalue())
-
-
-def _packing(run: Run) -> Packing:
-    """Return a stored run as the packing that it gave."""
-    return Packing(
-        digest=run.specimen_hash,
-        packing_density=float(run.packing_density or 0.0),
-        coordination_number=float(run.coordination_number or 0.0),
-        height=float(run.height or 0.0),
-        slab_shares=tuple(json.loads(run.slab_shares or "[]")),
-        largest_overlap=float(run.largest_overlap or 0.0),
-        rest=run.rest or "",
-        steps=int(run.steps or 0),
-        seconds=float(run.seconds or 0.0),
-        engine_version=run.engine_version,
-        warnings=tuple((run.warnings or "").splitlines()),
-    )

@@ -89,7 +89,11 @@ class ProtocolError(InputError):
 
 
 class OutOfReach(InputError):
-    """A packing density that the method's spheres cannot reach."""
+    """A packing density that the method's spheres cannot reach; ``looser`` than all of them, or denser."""
+
+    def __init__(self, message: str, looser: bool = False) -> None:
+        super().__init__(message)
+        self.looser = looser
 
 
 class SpecimenTooLarge(InputError):

@@ -226,6 +226,24 @@ def make_grading(table: SieveTable) -> Grading:
     return Grading(tuple(apertures[first : last + 1]), shares, sieves, tuple(warnings))
 
 
+def sieve_classes(grading: Grading, finest: float = 0.0) -> tuple[tuple[float, float], ...]:
+    """Return size [mm] and share [-] of each class that holds something, coarse to fine, the shares' sum 1.
+
+    ``finest``: classes whose size lies below it [mm] are left out. Raises GradingError when nothing is left.
+    """
+    kept = [(float(d), w) for d, w in zip(grading.sizes, grading.shares, strict=True) if w > 0.0 and d >= finest]
+    if not kept:
+        raise GradingError(f"nothing is left of the grading above {finest:g} mm; leave out less")
+    whole = math.fsum(share for _, share in kept)
+    return tuple((size, share / whole) for size, share in kept)
+
+
+def passing_at(grading: Grading, aperture: float) -> float:
+    """Return the share [-] that passes an ``aperture`` [mm], interpolated over its logarithm."""
+    rising, log_aperture = grading.passing[::-1], np.log(grading.apertures)[::-1]
+    return float(np.interp(math.log(aperture), log_aperture, rising, left=0.0, right=1.0))
+
+
 def _log_mean(grading: Grading) -> float:
     return math.exp(float(np.dot(grading.shares, np.log(grading.sizes))))
 

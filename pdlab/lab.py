@@ -13,7 +13,7 @@ import pandas as pd
 from pdlab import experiments, mixture, store, tables
 from pdlab.batch import Progress, Repeater, Runner, cores
 from pdlab.bedfiles import Bed, standing
-from pdlab.calibration import SEEDS
+from pdlab.calibration import METHOD, SEEDS
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import (
     CalibrationReport,
@@ -23,7 +23,9 @@ from pdlab.experiments import (
     PredictionReport,
     Refreshed,
     Registered,
+    Sheet,
     Verified,
+    Way,
 )
 from pdlab.grading import DEFAULT_RULE
 from pdlab.specimen import from_canonical
@@ -88,34 +90,63 @@ class Lab:
         return experiments.export_tables(self.store, Path(path))
 
     def calibrate(
-        self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = SEEDS
+        self,
+        names: Texts = (),
+        method: str = METHOD,
+        rule: str = DEFAULT_RULE,
+        seeds: int = SEEDS,
+        leave_out: float | None = None,
     ) -> list[CalibrationReport]:
-        """Calibrate the named aggregates, or all; an aggregate's error stands in its report."""
-        return experiments.calibrate(
-            self.store, self.runner, [names] if isinstance(names, str) else list(names), rule, seeds
-        )
+        """Calibrate the named aggregates, or all; an aggregate's error stands in its report.
 
-    def predict_reports(
-        self, names: Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = mixture.SEEDS
-    ) -> list[PredictionReport]:
+        ``method``: monosized, monosized_rolling, graded, or auto, the first of them that reaches an aggregate's
+        density. ``rule``: for the equivalent diameter. ``seeds``: beds at a node of the curve. ``leave_out``: graded
+        spheres finer than this [mm] are left out. Raises UnknownName, InputError.
+        """
+        way = Way(method, rule, seeds, leave_out)
+        return experiments.calibrate(self.store, self.runner, _texts(names), way)
+
+    def predict_reports(self, names: Texts = (), way: Way | None = None) -> list[PredictionReport]:
         """Predict the named mixtures, or all; a mixture's error stands in its report."""
-        return experiments.predict(self.store, self.runner, list(names), rule, seeds)
+        return experiments.predict(self.store, self.runner, _texts(names), way)
 
     def predict(
-        self, mixtures: pd.DataFrame | Iterable[str] = (), rule: str = DEFAULT_RULE, seeds: int = mixture.SEEDS
+        self,
+        mixtures: pd.DataFrame | Iterable[str] = (),
+        method: str = METHOD,
+        rule: str = DEFAULT_RULE,
+        seeds: int = mixture.SEEDS,
+        leave_out: float | None = None,
     ) -> pd.DataFrame:
         """Predict mixtures: the named, all, or those of a frame like mixtures.csv, which are registered.
 
-        The frame returned has a row for each mixture: its packing density [-] with its errors, the
-        measured one and their difference. Raises TableError, UnknownName.
+        ``method``, ``rule``, ``leave_out``: as in ``calibrate``. ``seeds``: also beds of each mixture at first. The
+        frame returned has a row for each mixture: its packing density [-] with its errors, the measured one and
+        their difference. Raises TableError, UnknownName, InputError.
         """
+        way = Way(method, rule, seeds, leave_out)
         if isinstance(mixtures, pd.DataFrame):
             brought = tables.read_frame(mixtures.dropna(how="all"), "mixtures")
             experiments.register(self.store, brought)
             names = [record.name for record in brought.mixtures]
         else:
-            names = [mixtures] if isinstance(mixtures, str) else list(mixtures)
-        return prediction_frame(self.predict_reports(names, rule, seeds))
+            names = _texts(mixtures)
+        return prediction_frame(self.predict_reports(names, way))
+
+    def sheet(
+        self,
+        names: Texts = (),
+        method: str = METHOD,
+        rule: str = DEFAULT_RULE,
+        seeds: int = mixture.SEEDS,
+        leave_out: float | None = None,
+    ) -> list[Sheet]:
+        """Return how far mixtures' packing densities move with the diameter rule, the damping, the pair's friction.
+
+        The whole chain, calibrations included, is worked out once for each of them; see ``calibrate``.
+        """
+        way = Way(method, rule, seeds, leave_out)
+        return experiments.sheet(self.store, self.runner, _texts(names), way)
 
     def aggregates(
         self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdlab.errors import ProtocolError
-from pdlab.specimen import LOOSE, Component, Packing, Protocol, Specimen, mixed_spheres, protocol_of, with_seeds
+from pdlab.specimen import LOOSE, Packing, Protocol, Sizes, Specimen, components, mixed_spheres, with_seeds
 
 SEEDS, MAX_SEEDS, SEED_STEP = 4, 16, 2
 STANDARD_ERROR = 0.003
@@ -20,19 +20,21 @@ STIFFER, STIFFEST = 2.0, 8.0
 class Part:
     """An aggregate in a mixture: its ``share`` of the solid volume and what calibration says of it.
 
-    ``diameter`` [mm]; ``friction`` [-]; ``packing_density`` measured, alone [-]; ``input_error`` and
-    ``curve_error`` of its calibration, in PD [-]; ``density``: oven-dry particle density [kg/m³].
+    ``sizes``: the diameters [mm] of its spheres with their shares [-]; ``friction``, ``rolling`` [-];
+    ``packing_density`` measured, alone [-]; ``input_error`` and ``curve_error`` of its calibration, in PD [-];
+    ``protocol``: how its test was simulated; ``density``: oven-dry particle density [kg/m³].
     """
 
     aggregate: str
     share: float
-    diameter: float
+    sizes: Sizes
     friction: float
     packing_density: float
     input_error: float
     curve_error: float
-    compaction: str
+    protocol: Protocol = LOOSE
     density: float | None = None
+    rolling: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -52,16 +54,22 @@ class Predicted:
 def common_protocol(parts: Sequence[Part]) -> Protocol:
     """Return the protocol that all parts were calibrated in.
 
-    Raises ProtocolError when their density tests were compacted in different ways.
+    Raises ProtocolError when their density tests were compacted, or simulated, in different ways.
     """
-    # an unstated compaction is simulated as loose, and its calibration says so
-    ways = {"loose" if part.compaction == "unstated" else part.compaction for part in parts}
-    if len(ways) > 1:
+    ways = dict.fromkeys(part.protocol for part in parts)
+    if len({way.compaction for way in ways}) > 1:
         raise ProtocolError(
-            f"the aggregates were tested {' and '.join(sorted(ways))}; a mixture needs one compaction: "
-            "enter tests of the same kind"
+            f"the aggregates were tested {' and '.join(sorted({way.compaction for way in ways}))}; a mixture needs one "
+            "compaction: enter tests of the same kind"
         )
-    return protocol_of(ways.pop()) if ways else LOOSE
+    if len(ways) > 1:
+        settings = [way.settings() for way in ways]
+        differing = sorted(name for name in settings[0] if len({str(one.get(name)) for one in settings}) > 1)
+        raise ProtocolError(
+            f"the aggregates were calibrated under different protocols ({', '.join(differing)} differ); a friction "
+            "coefficient belongs to its protocol: calibrate them anew under one"
+        )
+    return next(iter(ways), LOOSE)
 
 
 def stiffened(protocol: Protocol, times: float) -> Protocol:
@@ -88,8 +96,10 @@ def next_specimens(
         wanted = min(len(done) + SEED_STEP, MAX_SEEDS)
     else:
         return []
-    components = [Component(part.diameter, part.friction, part.share, part.density) for part in parts]
-    return with_seeds(mixed_spheres(components, 1, protocol), range(len(done) + 1, wanted + 1))
+    spheres = [
+        one for part in parts for one in components(part.sizes, part.friction, part.rolling, part.share, part.density)
+    ]
+    return with_seeds(mixed_spheres(spheres, 1, protocol), range(len(done) + 1, wanted + 1))
 
 
 def seed_error(packings: Sequence[Packing]) -> float:

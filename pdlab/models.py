@@ -339,6 +339,10 @@ class Calibration(Wish, Base):
     __table_args__ = (
         _one_of("state", STATES),
         CheckConstraint("friction >= 0 AND friction_low >= 0 AND friction_high >= 0", name="friction"),
+        CheckConstraint(
+            "rolling_friction >= 0 AND rolling_friction_low >= 0 AND rolling_friction_high >= 0",
+            name="rolling_friction",
+        ),
         CheckConstraint("diameter_mm > 0", name="diameter"),
         CheckConstraint("measured_angle_deg BETWEEN 0 AND 90", name="measured_angle"),
         CheckConstraint("wall_friction >= 0", name="wall_friction"),
@@ -366,6 +370,8 @@ class Calibration(Wish, Base):
     friction_low: Mapped[float | None]
     friction_high: Mapped[float | None]
     rolling_friction: Mapped[float | None]
+    rolling_friction_low: Mapped[float | None]
+    rolling_friction_high: Mapped[float | None]
     packing_density: Mapped[float | None]
     input_error: Mapped[float | None]
     curve_error: Mapped[float | None]

@@ -40,6 +40,7 @@ def setup(specimen: Specimen) -> bed.Setup:
         nominal_overlap=protocol.nominal_overlap,
         cloud_fraction=protocol.cloud_fraction,
         steps_per_collision=protocol.steps_per_collision,
+        pair_friction=protocol.pair_friction,
         **way,
     )
 

@@ -35,6 +35,7 @@ QUANTITIES = {
         Quantity("difference", "difference", "", "predicted minus measured packing density"),
         Quantity("volume_mean", "volume mean", "", "mean of the aggregates' packing densities by solid volume"),
         Quantity("friction", "friction μ", "", "friction coefficient μ"),
+        Quantity("rolling", "rolling friction μr", "", "coefficient of rolling friction μr"),
         Quantity("friction_low", "μ from", "", "lower end of the friction coefficient's interval"),
         Quantity("friction_high", "μ to", "", "upper end of the friction coefficient's interval"),
     )

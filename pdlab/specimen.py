@@ -16,8 +16,9 @@ from pdlab.errors import ProtocolError, ShareError, SpecimenTooLarge
 
 EQUAL_SPHERES, EQUAL_WIDTH = 2500, 10.0
 """Spheres and width, in diameters, of a bed of one species."""
-MIN_WIDTH, MIN_HEIGHT, MIN_OF_RAREST = 5.0, 10.0, 150
-"""Least width and height of a mixture's bed, in largest diameters, and spheres of the rarest species."""
+MIN_WIDTH, MIN_HEIGHT, MIN_OF_RAREST, MIN_OF_CLASS = 5.0, 10.0, 150, 30
+"""Least width and height of a mixture's bed, in largest diameters, and least spheres of an aggregate, or of each
+sieve class of an aggregate of several."""
 DENSEST = 0.75
 """Packing density at which a planned mixture's bed still has its least height."""
 DENSEST_EQUAL = 0.67
@@ -37,6 +38,8 @@ def on_grid(value: float) -> float:
 
 
 CONTAINERS = ("periodic", "cylinder")
+PAIR_FRICTIONS = ("minimum", "mean", "geometric_mean")
+"""How the friction between spheres of two aggregates follows from theirs; the paper takes the minimum."""
 COMMON = (
     "local_damping",
     "moment_damping",
@@ -75,7 +78,8 @@ class Protocol:
     ``restitution`` of a bounce. ``nominal_overlap``: the bed's weight on its floor over the contact
     modulus, which grows with the size ratio beyond 1.5. ``cloud_fraction``: solid fraction of the cloud that
     falls. ``steps_per_collision``: time steps in the shortest collision. ``wall_friction``: None for the smallest
-    friction present. Raises ProtocolError.
+    friction present. ``pair_friction``: between two aggregates the minimum, mean or geometric_mean of theirs.
+    Raises ProtocolError.
     """
 
     compaction: str = "loose"
@@ -94,9 +98,11 @@ class Protocol:
     shake_periods: int = 200
     shake_acceleration: float = 3.0
     shake_amplitude: float = 0.1
+    pair_friction: str = "minimum"
 
     def __post_init__(self) -> None:
-        for name, known in (("compaction", tuple(OWN)), ("container", CONTAINERS)):
+        vocabularies = {"compaction": tuple(OWN), "container": CONTAINERS, "pair_friction": PAIR_FRICTIONS}
+        for name, known in vocabularies.items():
             if getattr(self, name) not in known:
                 raise ProtocolError(f"{name} '{getattr(self, name)}' cannot be simulated; use {' or '.join(known)}")
         for name, (low, high) in LIMITS.items():
@@ -111,8 +117,9 @@ class Protocol:
             )
 
     def settings(self) -> dict[str, Any]:
-        """Return the settings that matter to this compaction, by name."""
-        return {name: getattr(self, name) for name in ("compaction", "container", *COMMON, *OWN[self.compaction])}
+        """Return the settings that matter to this compaction, by name; of a pair's friction all but the minimum."""
+        pair = () if self.pair_friction == "minimum" else ("pair_friction",)
+        return {n: getattr(self, n) for n in ("compaction", "container", *COMMON, *OWN[self.compaction], *pair)}
 
 
 LOOSE, RODDED, VIBRATED = (Protocol(compaction) for compaction in OWN)
@@ -177,9 +184,12 @@ class Specimen:
 
     def canonical(self, engine_version: int) -> str:
         """Return the one JSON text that stands for this specimen under ``dem.VERSION``."""
+        protocol = {**self.protocol.settings(), "wall_friction": self.wall_friction}
+        if len({kind.friction for kind in self.species}) == 1:
+            protocol.pop("pair_friction", None)  # any rule gives the same friction
         content: dict[str, Any] = {
             "engine_version": engine_version,
-            "protocol": {**self.protocol.settings(), "wall_friction": self.wall_friction},
+            "protocol": protocol,
             "seed": self.seed,
             "species": [vars(kind) for kind in self.species],
             "width": self.width,
@@ -226,7 +236,7 @@ class Component:
     """A mixture's part: ``diameter`` [any unit], ``friction`` [-], ``share`` of the solid volume [-].
 
     ``density``: oven-dry particle density [kg/m³] where known; ``rolling``: coefficient of rolling
-    resistance [-].
+    resistance [-]; ``least``: spheres of it that the bed needs.
     """
 
     diameter: float
@@ -234,6 +244,19 @@ class Component:
     share: float
     density: float | None = None
     rolling: float = 0.0
+    least: int = MIN_OF_RAREST
+
+
+Sizes = tuple[tuple[float, float], ...]
+"""Spheres that stand for an aggregate: diameter [any unit] and share of its solid volume [-], coarse to fine."""
+
+
+def components(
+    sizes: Sizes, friction: float, rolling: float = 0.0, share: float = 1.0, density: float | None = None
+) -> list[Component]:
+    """Return an aggregate's spheres as parts of a bed in which it has a ``share`` of the solid volume [-]."""
+    least = MIN_OF_RAREST if len(sizes) == 1 else MIN_OF_CLASS
+    return [Component(diameter, friction, share * part, density, rolling, least) for diameter, part in sizes]
 
 
 def check_shares(shares: Sequence[float]) -> None:
@@ -259,7 +282,8 @@ def mixed_spheres(components: Sequence[Component], seed: int, protocol: Protocol
         return equal_spheres(merged[0].friction, seed, protocol, merged[0].rolling)
     per_volume = _per_volume(merged)
     least = MIN_WIDTH**2 * MIN_HEIGHT * DENSEST
-    solids = max(least, MIN_OF_RAREST / min(per_volume), EQUAL_SPHERES / sum(per_volume))
+    rarest = max(part.least / number for part, number in zip(merged, per_volume, strict=True))
+    solids = max(least, rarest, EQUAL_SPHERES / sum(per_volume))
     width = on_grid(MIN_WIDTH * (solids / least) ** (1.0 / 3.0))
     return Specimen(_species(merged, solids), width, seed, protocol)
 
@@ -310,13 +334,14 @@ def _merge(components: Sequence[Component]) -> list[Component]:
     known = [part.density for part in components if part.density is not None]
     alike = len(known) < len(components) or max(known) <= (1.0 + SAME_DENSITY) * min(known)
     heaviest = max((part.diameter, part.density or 0.0) for part in components)[1]
-    merged: dict[tuple[float, float, float, float], float] = {}
+    merged: dict[tuple[float, float, float, float], tuple[float, int]] = {}
     for part in components:
         density = 1.0 if alike else on_grid((part.density or 0.0) / heaviest)
         key = (on_grid(part.diameter / largest), on_grid(part.friction), density, on_grid(part.rolling))
-        merged[key] = merged.get(key, 0.0) + part.share
+        share, least = merged.get(key, (0.0, 0))
+        merged[key] = share + part.share, max(least, part.least)
     ordered = sorted(merged.items(), reverse=True)
-    return [Component(d, mu, on_grid(share), density, mu_r) for (d, mu, density, mu_r), share in ordered]
+    return [Component(d, mu, on_grid(share), density, mu_r, n) for (d, mu, density, mu_r), (share, n) in ordered]
 
 
 def with_seeds(specimen: Specimen, seeds: Sequence[int]) -> list[Specimen]:

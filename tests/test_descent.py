@@ -11,7 +11,7 @@ from conftest import FormulaRunner
 from rich.console import Console
 
 from pdlab.errors import InputError, UnknownName
-from pdlab.experiments import calibrate, correct, predict, show
+from pdlab.experiments import Way, calibrate, correct, predict, show
 from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run, SieveAnalysis, now
 from pdlab.store import Store
 from pdlab.tree import draw
@@ -64,7 +64,7 @@ def test_a_prediction_leads_down_to_raw_sieve_text_seeds_and_engine(predicted: S
 def test_a_descent_takes_as_many_queries_with_few_runs_as_with_many(pebbles: Store) -> None:
     found = []
     for seeds in (2, 8):
-        predict(pebbles, FormulaRunner(pebbles), ["pebbles L+M 1:1"], seeds=seeds)
+        predict(pebbles, FormulaRunner(pebbles), ["pebbles L+M 1:1"], Way(seeds=seeds))
         with counted(pebbles) as statements:
             facts = show(pebbles, "pebbles L+M 1:1")
         found.append((len(statements), len(facts["last_prediction"]["runs"])))

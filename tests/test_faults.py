@@ -108,7 +108,7 @@ def write_until_killed(url: str, pipe: int, number: int) -> None:
     acknowledge(pipe)
     while True:
         blends = import_group(target, number)
-        experiments.predict(target, runner, blends, seeds=8)
+        experiments.predict(target, runner, blends, experiments.Way(seeds=8))
         number += 1
 
 

@@ -9,11 +9,11 @@ from conftest import formula_packing
 from pdlab import mixture
 from pdlab.errors import ProtocolError
 from pdlab.mixture import Part
-from pdlab.specimen import Packing
+from pdlab.specimen import LOOSE, RODDED, Packing
 
 PARTS = [
-    Part("coarse", 0.6, 40.0, 0.13, 0.600, 0.005, 0.001, "loose"),
-    Part("fine", 0.4, 12.0, 0.22, 0.583, 0.004, 0.002, "unstated"),
+    Part("coarse", 0.6, ((40.0, 1.0),), 0.13, 0.600, 0.005, 0.001),
+    Part("fine", 0.4, ((12.0, 1.0),), 0.22, 0.583, 0.004, 0.002),
 ]
 
 
@@ -42,4 +42,20 @@ def test_the_standard_error_holds_seeds_and_curves_and_the_input_error_the_measu
 
 def test_tests_of_different_compaction_do_not_mix() -> None:
     with pytest.raises(ProtocolError, match="tested loose and rodded"):
-        mixture.next_specimens([PARTS[0], replace(PARTS[1], compaction="rodded")], [])
+        mixture.next_specimens([PARTS[0], replace(PARTS[1], protocol=RODDED)], [])
+
+
+def test_calibrations_under_different_settings_do_not_mix() -> None:
+    undamped = replace(PARTS[1], protocol=replace(LOOSE, local_damping=0.0))
+    with pytest.raises(ProtocolError, match=r"different protocols \(local_damping differ\)"):
+        mixture.next_specimens([PARTS[0], undamped], [])
+
+
+def test_parts_of_several_sizes_and_of_rolling_spheres_share_one_bed() -> None:
+    graded = replace(PARTS[0], sizes=((40.0, 0.25), (20.0, 0.75)))
+    rolling = replace(PARTS[1], friction=1.0, rolling=0.3)
+    bed = mixture.next_specimens([graded, rolling], [])[0]
+    assert [(kind.diameter, kind.friction, kind.rolling) for kind in bed.species] == [
+        (1.0, 0.13, 0.0), (0.5, 0.13, 0.0), (0.3, 1.0, 0.3),
+    ]  # fmt: skip
+    assert bed.shares == pytest.approx((0.15, 0.45, 0.4), abs=0.005)

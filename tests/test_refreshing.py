@@ -7,7 +7,7 @@ import sqlalchemy as sa
 from conftest import FormulaRunner
 
 from pdlab.errors import UnknownName
-from pdlab.experiments import calibrate, comparisons, correct, predict, refresh, summaries
+from pdlab.experiments import Way, calibrate, comparisons, correct, predict, refresh, summaries
 from pdlab.models import Calibration, Prediction
 from pdlab.store import Store, predictions
 
@@ -79,7 +79,7 @@ def test_refresh_of_one_mixture_leaves_the_others(older: Store) -> None:
 
 
 def test_refresh_keeps_the_rule_and_names_what_cannot_be_worked_out_again(pebbles: Store) -> None:
-    predict(pebbles, FormulaRunner(pebbles, 2), rule="harmonic")
+    predict(pebbles, FormulaRunner(pebbles, 2), way=Way(rule="harmonic"))
     correct(pebbles, {"packing_test:1": {"voids_percent": "50"}}, "Anna")
     found = {one.label: one for one in refresh(pebbles, FormulaRunner(pebbles, 3), 3)}
     assert "is out of reach" in str(found["aggregate pebbles L"].error)

@@ -15,7 +15,9 @@ from pdlab.specimen import (
     Protocol,
     Species,
     Specimen,
+    components,
     equal_spheres,
+    from_canonical,
     in_cylinder,
     mixed_spheres,
     on_grid,
@@ -118,6 +120,23 @@ def test_rolling_resistance_is_part_of_a_sphere() -> None:
     assert mixed_spheres([Component(3.0, 1.0, 1.0, rolling=0.2)], 1) == equal_spheres(1.0, 1, rolling=0.2)
 
 
+def test_the_friction_of_a_pair_tells_beds_of_two_aggregates_apart_and_no_others() -> None:
+    mean, usual = Protocol(pair_friction="mean"), Protocol()
+    two = [Component(2.0, 0.1, 0.5), Component(1.0, 0.4, 0.5)]
+    assert mixed_spheres(two, 1, mean).digest(1) != mixed_spheres(two, 1, usual).digest(1)
+    assert from_canonical(mixed_spheres(two, 1, mean).canonical(1)).protocol.pair_friction == "mean"
+    alike = [Component(2.0, 0.1, 0.5), Component(1.0, 0.1, 0.5)]
+    assert mixed_spheres(alike, 1, mean).digest(1) == mixed_spheres(alike, 1, usual).digest(1)
+    assert equal_spheres(0.3, 1, mean).digest(1) == equal_spheres(0.3, 1, usual).digest(1)
+
+
+def test_a_class_of_a_graded_aggregate_needs_fewer_spheres_than_an_aggregate() -> None:
+    sizes = ((1.0, 0.1), (0.5, 0.9))
+    graded, alone = mixed_spheres(components(sizes, 0.3), 1), mixed_spheres(components(((1.0, 1.0),), 0.3), 1)
+    assert 30 <= graded.species[0].count < 150
+    assert alone == equal_spheres(0.3, 1)
+
+
 def test_densities_count_only_above_twenty_percent() -> None:
     light = mixed_spheres([Component(2.0, 0.2, 0.5, 2600.0), Component(1.0, 0.3, 0.5, 2200.0)], 1)
     heavy = mixed_spheres([Component(2.0, 0.2, 0.5, 2600.0), Component(1.0, 0.3, 0.5, 5200.0)], 1)
@@ -140,6 +159,7 @@ def test_shares_that_are_no_proportions_are_refused(shares: tuple[float, float])
         {"local_damping": 1.0},
         {"restitution": 0.0},
         {"restitution": 0.3},
+        {"pair_friction": "largest"},
     ],
 )
 def test_a_protocol_outside_its_limits_is_refused(change: dict[str, object]) -> None:

@@ -147,13 +147,19 @@ def upgrade() -> None:
     with op.batch_alter_table("calibration") as batch_op:
         batch_op.add_column(sa.Column("variant", sa.String(length=64), server_default="", nullable=False))
         batch_op.add_column(sa.Column("spheres", sa.Text(), nullable=True))
-        for column in ("leave_out_below_mm", "measured_angle_deg", "wall_friction"):
+        for column in (
+            "leave_out_below_mm", "measured_angle_deg", "wall_friction", "rolling_friction_low", "rolling_friction_high",
+        ):  # fmt: skip
             batch_op.add_column(sa.Column(column, sa.Double(), nullable=True))
         batch_op.alter_column("packing_test_id", existing_type=sa.Integer(), nullable=True)
         batch_op.alter_column("measured_packing_density", existing_type=sa.Double(), nullable=True)
         batch_op.create_check_constraint(op.f("ck_calibration_leave_out_below"), "leave_out_below_mm > 0")
         batch_op.create_check_constraint(op.f("ck_calibration_measured_angle"), "measured_angle_deg BETWEEN 0 AND 90")
         batch_op.create_check_constraint(op.f("ck_calibration_wall_friction"), "wall_friction >= 0")
+        batch_op.create_check_constraint(
+            op.f("ck_calibration_rolling_friction"),
+            "rolling_friction >= 0 AND rolling_friction_low >= 0 AND rolling_friction_high >= 0",
+        )
     op.add_column("prediction", sa.Column("variant", sa.String(length=64), server_default="", nullable=False))
     op.drop_index("ix_prediction_newest", table_name="prediction")
     op.create_index("ix_prediction_newest", "prediction", NEWEST_PREDICTION)

@@ -14,6 +14,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "ls": tables.ls,
     "calibrate": predicting.calibrate,
     "predict": predicting.predict,
+    "sheet": predicting.sheet,
     "serve": serving.serve,
     "show": descent.show,
     "verify": descent.verify,

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pdlab.cli.shell import (
+    LeaveOut,
+    Method,
     Rule,
     Store,
     Threads,
@@ -18,7 +20,6 @@ from pdlab.cli.shell import (
     print_table,
     raise_failures,
 )
-from pdlab.errors import InputError
 from pdlab.quantities import heading
 
 if TYPE_CHECKING:
@@ -31,33 +32,39 @@ DEMO_STORE = "sqlite:///pdlab-demo.db"
 
 
 def _show_calibrations(reports: Sequence["CalibrationReport"]) -> None:
+    done = [report for report in reports if report.result is not None]
+    for method in dict.fromkeys(report.method for report in done):
+        _show_method(method, [report for report in done if report.method == method])
+    notes: dict[str, list[str]] = {}
+    for report in reports:
+        for text in (*(report.result.warnings if report.result else ()), report.choice):
+            if text:
+                notes.setdefault(text, []).append(report.aggregate)
+    for text, names in notes.items():
+        print(f"note: {', '.join(names)}: {text}")
+
+
+def _show_method(method: str, reports: Sequence["CalibrationReport"]) -> None:
     rows = []
+    coefficient = "rolling" if method == "monosized_rolling" else "friction"
     for report in reports:
         result = report.result
-        if result is None:
-            continue
+        assert result is not None
         low = "0" if result.low is None else f"{result.low:.3g}"
         interval = f"{low} to {result.high:.3g}" if result.high is not None else f"{low} or more"
         rows.append(
             [
                 report.aggregate, f"{report.diameter:.2f}", number(report.measured), number(result.input_error),
-                f"{result.friction:.4g}", interval, number(result.packing_density), number(result.curve_error),
+                f"{result.value:.4g}", interval, number(result.packing_density), number(result.curve_error),
             ]
         )  # fmt: skip
-    if rows:
-        rule = reports[0].rule
-        columns = ("diameter", "measured", "input_error", "friction", "simulated", "curve_error")
-        print_table(
-            f"Calibrated friction (method monosized, diameter rule {rule})",
-            ["aggregate", *map(heading, columns[:4]), "μ interval", *map(heading, columns[4:])],
-            rows,
-        )
-    notes: dict[str, list[str]] = {}
-    for report in reports:
-        for text in report.result.warnings if report.result else ():
-            notes.setdefault(text, []).append(report.aggregate)
-    for text, names in notes.items():
-        print(f"note: {', '.join(names)}: {text}")
+    columns = ("diameter", "measured", "input_error", coefficient, "simulated", "curve_error")
+    print_table(
+        f"Calibrated {'rolling friction at a friction of 1' if coefficient == 'rolling' else 'friction'} "
+        f"(method {method}, diameter rule {reports[0].rule})",
+        ["aggregate", *map(heading, columns[:4]), "its interval", *map(heading, columns[4:])],
+        rows,
+    )
 
 
 def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
@@ -71,7 +78,7 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
     ]  # fmt: skip
     rules = ", ".join(sorted({report.rule for report in reports if report.rule})) or "none"
     print_table(
-        f"Predicted against measured packing density (method monosized, diameter rule {rules})",
+        f"Predicted against measured packing density (method {reports[0].method}, diameter rule {rules})",
         [
             "mixture",
             *map(heading, PREDICTION),
@@ -117,41 +124,89 @@ def lab_rows(file: Path, column: str) -> list[str]:
 
 def calibrate(
     aggregates: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
+    method: Method = "monosized",
     rule: Rule = "log_mean",
     seeds: Annotated[int, typer.Option(min=2, help="Beds at each node of the curve.")] = 4,
+    leave_out: LeaveOut = None,
     store: Store = None,
     workers: Workers = None,
     threads: Threads = 1,
 ) -> None:
     """Find each aggregate's friction coefficient: the one whose simulated PD is the measured PD."""
     with open_lab(store, workers, threads) as lab:
-        _show_calibrations(reports := lab.calibrate(aggregates or (), rule, seeds))
+        _show_calibrations(reports := lab.calibrate(aggregates or (), method, rule, seeds, leave_out))
         raise_failures(reports)
 
 
 def predict(
     mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
-    method: Annotated[str, typer.Option(help="How a mixture is predicted.")] = "monosized",
+    method: Method = "monosized",
     rule: Rule = "log_mean",
     seeds: Annotated[
         int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
     ] = 4,
+    leave_out: LeaveOut = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write the table as CSV.")] = None,
     store: Store = None,
     workers: Workers = None,
     threads: Threads = 1,
 ) -> None:
     """Simulate mixtures and set their packing density beside the measured one."""
+    from pdlab.experiments import Way
     from pdlab.lab import prediction_frame
 
-    if method != "monosized":
-        raise InputError(f"'{method}' is no method of this version; use monosized")
+    way = Way(method, rule, seeds, leave_out)
     if output is not None:
         check_writable(output)
     with open_lab(store, workers, threads) as lab:
-        reports = lab.predict_reports(mixtures or (), rule, seeds)
+        reports = lab.predict_reports(mixtures or (), way)
         _show_predictions(reports)
         if output is not None:
             prediction_frame(reports).to_csv(output, index=False)
             print(f"written to {output}")
         raise_failures(reports)
+
+
+def sheet(
+    mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
+    method: Method = "monosized",
+    rule: Rule = "log_mean",
+    seeds: Annotated[
+        int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
+    ] = 4,
+    leave_out: LeaveOut = None,
+    store: Store = None,
+    workers: Workers = None,
+    threads: Threads = 1,
+) -> None:
+    """Say how far each mixture's PD moves with what no test decides: diameter rule, damping, friction of a pair."""
+    from pdlab.experiments import CHOICES
+
+    with open_lab(store, workers, threads) as lab:
+        sheets = lab.sheet(mixtures or (), method, rule, seeds, leave_out)
+        for one in sheets:
+            usual = one.report
+            rows = [["as usual", method, number(usual.packing_density), number(usual.standard_error), "", usual.state]]
+            for other in one.assumed:
+                report, off = other.report, None
+                if report.packing_density is not None and usual.packing_density is not None:
+                    off = report.packing_density - usual.packing_density
+                rows.append(
+                    [
+                        other.choice, other.name, number(report.packing_density), number(report.standard_error),
+                        number(off, sign=True), report.state,
+                    ]
+                )  # fmt: skip
+            columns = ("predicted", "standard_error")
+            print_table(
+                f"Assumptions behind {one.mixture} (method {method}, diameter rule {rule})",
+                ["choice", "made", *map(heading, columns), "off", "state"],
+                rows,
+            )
+            spreads = ((choice, one.spread(choice)) for choice in CHOICES)
+            known = [f"{choice} {value:.4f}" for choice, value in spreads if value is not None]
+            print(f"spread of the packing density: {', '.join(known)}")
+            for other in one.assumed:
+                if other.report.error is not None:
+                    print(f"note: {other.choice} {other.name}: {other.report.error}")
+        raise_failures([one.report for one in sheets])

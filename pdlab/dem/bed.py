@@ -50,7 +50,8 @@ class Setup:
     ``rolling``: rolling friction coefficients, shape (S,), None for no rolling resistance. ``width``: of
     the periodic box, or inner diameter of the ``cylinder``. ``local_damping``: PFC3D's α, on
     moments too with ``moment_damping``. ``nominal_overlap``: weight of all spheres on the floor over the
-    contact modulus, which is higher for size ratios above 1.5.
+    contact modulus, which is higher for size ratios above 1.5. ``pair_friction``: between two species the
+    minimum, mean or geometric_mean of theirs.
 
     The spheres fall in ``layers`` layers. After each the container is lifted ``drop_height`` and dropped
     ``drops`` times, with ``drop_pause`` between; after the last it is shaken for ``shake_periods`` at a
@@ -79,6 +80,7 @@ class Setup:
     shake_periods: int = 0
     shake_acceleration: float = 3.0
     shake_amplitude: float = 0.1
+    pair_friction: str = "minimum"
     gravity: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     rotation_held: bool = False
 
@@ -128,8 +130,9 @@ class Setup:
         """Contact parameters between species (S, S, 4) and at the walls (S, 4)."""
         rolling = np.zeros_like(self.friction) if self.rolling is None else self.rolling
         return contact.law_tables(
-            self.diameter, self.mass, self.friction, rolling, self.wall_friction, self.modulus, self.zeta
-        )
+            self.diameter, self.mass, self.friction, rolling, self.wall_friction, self.modulus, self.zeta,
+            self.pair_friction,
+        )  # fmt: skip
 
     @cached_property
     def time_step(self) -> float:

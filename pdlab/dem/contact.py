@@ -6,6 +6,7 @@ without dashpot of Ai, Chen, Rotter and Ooi (2011), type C.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy.optimize import brentq
@@ -58,6 +59,14 @@ def damping_ratio(wanted: float) -> float:
     return float(brentq(lambda zeta: restitution(zeta) - wanted, 0.0, 0.999, xtol=1e-14))
 
 
+PAIR_FRICTION: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+    "minimum": np.minimum,
+    "mean": lambda one, other: np.asarray(0.5 * (one + other)),
+    "geometric_mean": lambda one, other: np.asarray(np.sqrt(one * other)),
+}
+"""Friction between two species from theirs."""
+
+
 def law_tables(
     diameter: np.ndarray,
     mass: np.ndarray,
@@ -66,18 +75,21 @@ def law_tables(
     wall_friction: float,
     modulus: float,
     zeta: float,
+    pair_friction: str = "minimum",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the contact parameters of every pair of species and of every species at a wall.
 
     ``diameter``, ``mass``, ``friction``, ``rolling``: shape (S,), reduced units. ``modulus``: the
     contact modulus E, force per area. The tables have shapes (S, S, 4) and (S, 4), columns ``KN`` to
     ``ROLLING``. Springs k_i = 2 E d_i act in series between spheres; a wall is rigid and does not
-    resist rolling. Between two aggregates the smaller coefficients act.
+    resist rolling. Between two aggregates the smaller coefficients act; of friction the minimum, mean or
+    geometric_mean as ``pair_friction`` says.
     """
     spring = 2.0 * modulus * diameter
     kn = spring[:, None] * spring[None, :] / (spring[:, None] + spring[None, :])
     meff = mass[:, None] * mass[None, :] / (mass[:, None] + mass[None, :])
-    mu, mu_r = (np.minimum(one[:, None], one[None, :]) for one in (friction, rolling))
+    mu = PAIR_FRICTION[pair_friction](friction[:, None], friction[None, :])
+    mu_r = np.minimum(rolling[:, None], rolling[None, :])
     walls = _law(spring, mass, np.minimum(friction, wall_friction), np.zeros_like(rolling), zeta)
     return _law(kn, meff, mu, mu_r, zeta), walls
 

@@ -3,8 +3,10 @@
 Whatever must be simulated goes to ``run_all``, which is handed in, so that this room knows no engine.
 """
 
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate
+from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
+from pdlab.experiments.calibrations import METHODS, CalibrationReport, Way, calibrate
 from pdlab.experiments.corrections import Corrected, correct, delete
+from pdlab.experiments.curves import RunAll
 from pdlab.experiments.descent import Facts, show
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
@@ -15,6 +17,9 @@ from pdlab.experiments.registration import Registered, register
 from pdlab.experiments.verification import Verified, verify
 
 __all__ = [
+    "CHOICES",
+    "METHODS",
+    "Assumed",
     "CalibrationReport",
     "Corrected",
     "Exported",
@@ -23,8 +28,10 @@ __all__ = [
     "Refreshed",
     "Registered",
     "RunAll",
+    "Sheet",
     "Summary",
     "Verified",
+    "Way",
     "calibrate",
     "comparisons",
     "correct",
@@ -36,6 +43,7 @@ __all__ = [
     "predict",
     "refresh",
     "register",
+    "sheet",
     "show",
     "summaries",
     "verify",

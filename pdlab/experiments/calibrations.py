@@ -1,41 +1,87 @@
-"""Calibrate aggregates: the runs they share, the curve, the rows that keep it."""
+"""Calibrate aggregates: how each becomes spheres, the curve of their packing density, the rows that keep it."""
 
+import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pdlab import calibration, grading, store
-from pdlab.calibration import METHOD
-from pdlab.density import MeasuredPacking
-from pdlab.errors import EngineError, InputError, PdlabError
-from pdlab.experiments.readings import current_grading, measured_test, particle_density, protocol_text
-from pdlab.grading import DEFAULT_RULE
+from pdlab.calibration import GRADED, MONOSIZED, ROLLING, Ladder
+from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
+from pdlab.experiments.curves import Curves, RunAll
+from pdlab.experiments.readings import (
+    current_grading,
+    doubts,
+    measured_test,
+    particle_density,
+    protocol_of_text,
+    protocol_text,
+    spheres_text,
+)
+from pdlab.grading import DEFAULT_RULE, Grading
 from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
-from pdlab.specimen import Packing, Protocol, Specimen, protocol_of
+from pdlab.specimen import LOOSE, Protocol, Sizes, on_grid, protocol_of
 from pdlab.store import Store
 
-RunAll = Callable[[Sequence[Specimen]], list[Packing | EngineError]]
-"""Runs specimens, or reads those already run; returns in the same order what each gave."""
+AUTO = "auto"
+METHODS = (MONOSIZED, ROLLING, GRADED)
+"""Methods that calibrate to a density test; ``auto`` takes the first of them that reaches it."""
 
 
-LEAST_SEEDS = 2
-"""Beds that a standard error needs."""
+@dataclass(frozen=True)
+class Way:
+    """How aggregates become spheres: a ``method``, a diameter ``rule``, ``seeds`` beds at a node of the curve.
+
+    ``leave_out``: graded spheres finer than this [mm] are left out, None for none. ``variant`` and ``settings``: the
+    name of an assumption and the settings of the protocol that it changes.
+    """
+
+    method: str = MONOSIZED
+    rule: str = DEFAULT_RULE
+    seeds: int = calibration.SEEDS
+    leave_out: float | None = None
+    variant: str = ""
+    settings: tuple[tuple[str, Any], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.method not in (*METHODS, AUTO):
+            raise InputError(f"'{self.method}' is no method that calibrates; use one of {', '.join((*METHODS, AUTO))}")
+        if self.rule not in grading.RULES:
+            raise InputError(f"'{self.rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
+        if self.seeds < calibration.LEAST_SEEDS:
+            raise InputError(f"{self.seeds} seeds give no standard error; use at least {calibration.LEAST_SEEDS}")
+        if self.leave_out is not None and not self.leave_out > 0.0:
+            raise InputError(f"a size of {self.leave_out:g} mm leaves nothing out; give one above 0")
+
+    def protocol(self, test: PackingTest) -> Protocol:
+        """Return how a density test is simulated."""
+        return replace(protocol_of(test.compaction), **dict(self.settings))
 
 
 @dataclass(frozen=True)
 class CalibrationReport:
-    """An aggregate's calibration, or the error that stands in its place."""
+    """An aggregate's calibration, or the error that stands in its place.
+
+    ``diameter`` [mm] by the ``rule``; ``sizes``: the spheres that stand for the aggregate; ``friction``, ``rolling``
+    [-]; ``result``: the calibrated one of the two with its interval. ``choice``: why ``auto`` took the method.
+    """
 
     aggregate: str
     aggregate_id: int
     calibration_id: int | None = None
+    method: str = MONOSIZED
     diameter: float = math.nan
     rule: str = DEFAULT_RULE
+    sizes: Sizes = ()
     measured: float = math.nan
     compaction: str = ""
+    protocol: Protocol = LOOSE
+    friction: float = math.nan
+    rolling: float = 0.0
     result: calibration.Calibrated | None = None
     density: float | None = None
+    choice: str = ""
     error: PdlabError | None = None
 
 
@@ -45,122 +91,232 @@ class _Open:
 
     aggregate: Aggregate
     analysis: SieveAnalysis
+    grading: Grading
     test: PackingTest
-    measured: MeasuredPacking
-    diameter: float
+    way: Way
     warnings: list[str]
-    nodes: dict[float, list[Packing]] = field(default_factory=dict)
-    error: EngineError | None = None
+    choice: str = ""
+    result: calibration.Calibrated | None = None
+    error: PdlabError | None = None
+    kept: Calibration | None = None
 
-    @property
-    def protocol(self) -> Protocol:
-        """How its test is simulated."""
-        return protocol_of(self.test.compaction)
+    def __post_init__(self) -> None:
+        self.measured = measured_test(self.test, particle_density(self.aggregate))
+        self.diameter = grading.equivalent_diameter(self.grading, self.way.rule)
 
-    def missing_nodes(self) -> set[float]:
-        """Return the nodes that its own curve still needs."""
-        if self.error is not None:
-            return set()
-        return calibration.missing_nodes(self.measured, calibration.curve(self.nodes) if self.nodes else None)
+    def sizes(self, method: str) -> Sizes:
+        """Return the spheres [mm] that stand for it by a method."""
+        if method == GRADED:
+            return grading.sieve_classes(self.grading, self.way.leave_out or 0.0)
+        return ((self.diameter, 1.0),)
 
-    def add(self, node: float, outcomes: Sequence[Packing | EngineError]) -> None:
-        """Take a node's runs into its curve, or the first error of one."""
-        self.nodes[node] = [outcome for outcome in outcomes if isinstance(outcome, Packing)]
-        self.error = self.error or next((out for out in outcomes if isinstance(out, EngineError)), None)
+    def ladder(self, method: str | None = None) -> Ladder:
+        """Return the beds of its curve, in units of its largest sphere: aggregates alike but for size share them."""
+        method = method or self.way.method
+        sizes = self.sizes(method)
+        reduced = tuple((on_grid(size / sizes[0][0]), on_grid(share)) for size, share in sizes)
+        return Ladder(method, reduced, self.way.protocol(self.test))
+
+    def facts(self) -> dict[str, Any]:
+        """Return what the calibration is worked out from, as its row names it."""
+        method = self.way.method
+        return {
+            "sieve_analysis_id": self.analysis.id,
+            "packing_test_id": self.test.id,
+            "method": method,
+            "variant": self.way.variant,
+            "protocol": protocol_text(self.way.protocol(self.test)),
+            "diameter_rule": self.way.rule,
+            "diameter_mm": self.diameter,
+            "spheres": spheres_text(method, self.grading, self.way.leave_out),
+            "leave_out_below_mm": self.way.leave_out if method == GRADED else None,
+            "measured_packing_density": self.measured.packing_density,
+        }
 
 
 def calibrate(
-    target: Store,
-    run_all: RunAll,
-    names: Sequence[str] = (),
-    rule: str = DEFAULT_RULE,
-    seeds: int = calibration.SEEDS,
+    target: Store, run_all: RunAll, names: Sequence[str] = (), way: Way | None = None
 ) -> list[CalibrationReport]:
     """Calibrate the named aggregates, or all; each one's error stands in its report.
 
-    Runs are shared: the nodes of the curve PD(μ) that any aggregate needs are run once for all. Raises
-    UnknownName, and InputError for an unknown ``rule`` or fewer than two ``seeds``.
+    A calibration of the same tests by the same engine is read, never worked out again, unless more ``seeds`` than
+    usual are asked for. Runs are shared: what is simulated for one aggregate serves the curve of the next. Raises
+    UnknownName.
     """
     with target.read() as session:
         rows = store.aggregates(session, names)
     if not rows:
         raise InputError("the store holds no aggregate yet; import some, or run 'pdlab demo'")
-    return calibrate_rows(target, run_all, rows, rule, seeds)
+    return calibrate_rows(target, run_all, rows, way or Way())
 
 
-def calibrate_rows(
-    target: Store, run_all: RunAll, rows: Sequence[Aggregate], rule: str, seeds: int
-) -> list[CalibrationReport]:
+def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], way: Way) -> list[CalibrationReport]:
     """Calibrate aggregates as ``calibrate`` does, each in the delivery that is handed in."""
-    if rule not in grading.RULES:
-        raise InputError(f"'{rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
-    if seeds < LEAST_SEEDS:
-        raise InputError(f"{seeds} seeds give no standard error; use at least {LEAST_SEEDS}")
     reports, waiting = dict[int, CalibrationReport](), dict[int, _Open]()
+    curves = Curves(target, run_all)
     for row in rows:
         try:
-            waiting[row.id] = _open_calibration(row, rule)
+            waiting[row.id] = _open_calibration(row, way)
         except PdlabError as error:
             reports[row.id] = CalibrationReport(row.name, row.id, error=error)
-    _fill_curves(list(waiting.values()), run_all, seeds)
-    for key, one in waiting.items():
-        try:
-            if one.error is not None:
-                raise one.error
-            result = calibration.solve(one.measured, calibration.curve(one.nodes))
-            reports[key] = _save_calibration(target, one, rule, _facts_of(one, result))
-        except PdlabError as error:
-            _save_calibration(target, one, rule, {"state": "failed", "message": str(error)})
-            reports[key] = CalibrationReport(one.aggregate.name, key, error=error)
+    if way.method == AUTO:
+        _choose(target, list(waiting.values()), curves)
+    else:
+        _work_out(target, list(waiting.values()), curves)
+    for one in waiting.values():
+        if isinstance(one.error, OutOfReach):
+            one.error = _with_reaches(one, one.error, curves)
+    reports |= dict(zip(waiting, _save(target, list(waiting.values()), curves), strict=True))
     return [reports[row.id] for row in rows]
 
 
-def _open_calibration(row: Aggregate, rule: str) -> _Open:
+def _open_calibration(row: Aggregate, way: Way) -> _Open:
     sieved, test = current_grading(row), store.newest_test(row.packing_tests)
     if sieved is None:
         raise InputError(f"aggregate '{row.name}' has no sieve analysis; enter one")
     if test is None:
         raise InputError(f"aggregate '{row.name}' has no density test; enter one")
-    warnings = list(sieved.warnings)
-    if test.compaction == "unstated":
-        warnings.append("the density test's compaction is not stated: it is simulated as loose")
-    measured = measured_test(test, particle_density(row))
-    coarsest = sieved.apertures[0]
-    if test.container_diameter_mm is not None and test.container_diameter_mm < 10.0 * coarsest:
-        warnings.append(
-            f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than 10: "
-            "the wall's effect on the measured PD lies in the friction coefficient"
+    one = _Open(row, row.sieve_analyses[-1], sieved, test, way, doubts(row, sieved, test))
+    one.warnings += one.measured.warnings
+    if way.leave_out is not None and way.method in (GRADED, AUTO):
+        kept = sum(share for size, share in grading.sieve_classes(sieved) if size >= way.leave_out)
+        if kept < 1.0:
+            one.warnings.append(
+                f"{100.0 * (1.0 - kept):.3g} % of the solids, finer than {way.leave_out:g} mm, are left out"
+            )
+    return one
+
+
+def _choose(target: Store, waiting: list[_Open], curves: Curves) -> None:
+    """Take for each aggregate the first method that reaches its density: monosized, then rolling, then graded."""
+    for one in waiting:
+        one.way = replace(one.way, method=MONOSIZED)
+    _work_out(target, waiting, curves)
+    for method, looser in ((ROLLING, True), (GRADED, False)):
+        further = [one for one in waiting if isinstance(one.error, OutOfReach) and one.error.looser == looser]
+        for one in further:
+            one.choice = f"'{method}' is taken, since {one.error}"
+            one.way, one.error = replace(one.way, method=method), None
+        _work_out(target, further, curves)
+
+
+def _work_out(target: Store, waiting: list[_Open], curves: Curves) -> None:
+    """Find each one's coefficient: the one kept in the store, else by its curve."""
+    _find_kept(target, waiting, curves.engine_version)
+    fresh = [one for one in waiting if one.kept is None]
+    for one in fresh:
+        try:
+            curves.load([one.ladder()])
+        except SpecimenTooLarge as error:
+            one.error = _too_large(one, error)
+        except PdlabError as error:
+            one.error = error
+    _fill_curves(fresh, curves)
+    for one in fresh:
+        known = None if one.error else curves.known(one.ladder())
+        if known is not None:
+            try:
+                one.result = calibration.solve(one.measured, known, one.way.method)
+            except OutOfReach as error:
+                one.error = error
+
+
+def _too_large(one: _Open, error: SpecimenTooLarge) -> SpecimenTooLarge:
+    """Return the error with the size below which graded spheres would have to be left out."""
+    sizes = one.sizes(GRADED)
+    for k in range(len(sizes) - 1, 0, -1):
+        coarser = replace(one, way=replace(one.way, leave_out=sizes[k - 1][0]))
+        try:
+            spheres = coarser.ladder(GRADED).beds(calibration.FIRST_NODE, 1)[0].spheres
+        except SpecimenTooLarge:
+            continue
+        lost = 100.0 * math.fsum(share for _, share in sizes[k:])
+        return SpecimenTooLarge(
+            f"{str(error).split(';')[0]}; leave out what is finer than {sizes[k - 1][0]:.3g} mm, {lost:.3g} % of the "
+            f"solids (--leave-out {sizes[k - 1][0]:.3g}), which takes {spheres:,} spheres"
         )
-    diameter = grading.equivalent_diameter(sieved, rule)
-    return _Open(row, row.sieve_analyses[-1], test, measured, diameter, [*warnings, *measured.warnings])
+    return error
 
 
-def _fill_curves(waiting: list[_Open], run_all: RunAll, seeds: int) -> None:
-    """Run nodes, round by round, until every aggregate's PD is enclosed or out of reach.
+def _find_kept(target: Store, waiting: list[_Open], engine_version: int) -> None:
+    """Take what the store holds of calibrations worked out from the same facts by the same engine."""
+    usual = [one for one in waiting if one.way.seeds <= calibration.SEEDS]
+    with target.read() as session:
+        rows = store.done_calibrations(session, [one.aggregate.id for one in usual], engine_version)
+    for one in usual:
+        facts = one.facts() | {"input_error": one.measured.standard_error, "aggregate_id": one.aggregate.id}
+        one.kept = next((row for row in rows if all(getattr(row, k) == v for k, v in facts.items())), None)
 
-    A node is run once for all, but each aggregate's curve holds the nodes that it asked for itself: its
-    friction does not depend on who was calibrated beside it.
-    """
-    shared: dict[tuple[Protocol, float], list[Packing | EngineError]] = {}
+
+def _missing(one: _Open, curves: Curves) -> dict[float, int]:
+    """Return the nodes that an aggregate's curve still needs, each with its number of beds."""
+    return calibration.missing_nodes(one.measured, curves.known(one.ladder()), one.way.seeds)
+
+
+def _fill_curves(waiting: list[_Open], curves: Curves) -> None:
+    """Run nodes, round by round, until every aggregate's PD is enclosed or out of reach."""
     while True:
-        asked = [(one, node) for one in waiting for node in one.missing_nodes()]
-        wanted = sorted({(one.protocol, node) for one, node in asked} - set(shared), key=str)
-        beds = [bed for protocol, node in wanted for bed in calibration.node_specimens(node, seeds, protocol)]
-        outcomes = run_all(beds)
-        shared |= {key: outcomes[k * seeds : (k + 1) * seeds] for k, key in enumerate(wanted)}
-        for one, node in asked:
-            one.add(node, shared[one.protocol, node])
+        asked = [
+            (one, node, seeds) for one in waiting if one.error is None for node, seeds in _missing(one, curves).items()
+        ]
         if not asked:
             return
+        wanted = dict[tuple[Ladder, float], int]()
+        for one, node, seeds in asked:
+            wanted[one.ladder(), node] = max(seeds, wanted.get((one.ladder(), node), 0))
+        curves.extend(wanted)
+        for one, node, _ in asked:
+            one.error = one.error or curves.errors.get((one.ladder(), node))
 
 
-def _facts_of(one: _Open, result: calibration.Calibrated) -> dict[str, Any]:
-    return {
+def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
+    """Return the error with the interval of every method, whose ends are simulated for it, and what to do."""
+    ladders = [one.ladder(method) for method in (MONOSIZED, ROLLING)]
+    curves.load(ladders)
+    curves.extend({(ladder, calibration.NODES[end]): one.way.seeds for ladder in ladders for end in (0, -1)})
+    reaches = {ladder.method: curves.reach(ladder) for ladder in ladders}
+    if one.way.method == GRADED:
+        reaches[GRADED] = curves.reach(one.ladder())
+    spans = [f"'{method}' spans {calibration.span(reach)}" for method, reach in reaches.items()]
+    if GRADED not in reaches and len(one.sizes(GRADED)) > 1:
+        spans.append(f"'{GRADED}', not simulated for this grading yet, reaches denser beds")
+    value = one.measured.packing_density
+    reaching = [method for method, (low, high) in reaches.items() if (low or 0.0) <= value <= (high or 1.0)]
+    return OutOfReach(
+        f"packing density {value:.4g} is out of reach of '{one.way.method}': {'; '.join(spans)}; "
+        f"{_remedy(one, error.looser, [method for method in reaching if method != one.way.method])}",
+        error.looser,
+    )
+
+
+def _remedy(one: _Open, looser: bool, reaching: Sequence[str]) -> str:
+    """Return what to do about a density out of reach; ``reaching``: the other methods that reach it."""
+    if reaching:
+        return f"use the method '{reaching[0]}', or '{AUTO}'"
+    if looser:
+        return "no method of spheres is so loose: check the test"
+    if one.way.method != GRADED and len(one.sizes(GRADED)) > 1:
+        return f"use the method '{GRADED}', or '{AUTO}'"
+    return "no bed of these spheres is so dense: check the test and its compaction, or sieve into more classes"
+
+
+def _row_facts(one: _Open, curves: Curves) -> dict[str, Any]:
+    """Return a calibration's row but for its runs: what it was worked out from and what came out."""
+    facts = one.facts() | {"aggregate_id": one.aggregate.id, "engine_version": curves.engine_version}
+    if one.error is not None or one.result is None:
+        return facts | {"state": "failed", "message": str(one.error)}
+    result, ends = one.result, (one.result.low, one.result.high)
+    friction, rolling = one.ladder().coefficients(result.value)
+    of_rolling = one.way.method == ROLLING
+    return facts | {
         "state": "done",
         "message": None,
-        "friction": result.friction,
-        "friction_low": result.low,
-        "friction_high": result.high,
+        "friction": friction,
+        "friction_low": None if of_rolling else ends[0],
+        "friction_high": None if of_rolling else ends[1],
+        "rolling_friction": rolling if of_rolling else None,
+        "rolling_friction_low": ends[0] if of_rolling else None,
+        "rolling_friction_high": ends[1] if of_rolling else None,
         "packing_density": result.packing_density,
         "input_error": result.input_error,
         "curve_error": result.curve_error,
@@ -168,44 +324,52 @@ def _facts_of(one: _Open, result: calibration.Calibrated) -> dict[str, Any]:
     }
 
 
-def _save_calibration(target: Store, one: _Open, rule: str, outcome: dict[str, Any]) -> CalibrationReport:
-    """Write a calibration, or why there is none; of an equal one on the same runs only the time is renewed."""
-    packings = [packing for node in one.nodes.values() for packing in node]
-    digests = {packing.digest for packing in packings}
-    facts: dict[str, Any] = outcome | {
-        "aggregate_id": one.aggregate.id,
-        "sieve_analysis_id": one.analysis.id,
-        "packing_test_id": one.test.id,
-        "method": METHOD,
-        "protocol": protocol_text(one.protocol),
-        "engine_version": packings[0].engine_version if packings else None,
-        "diameter_rule": rule,
-        "diameter_mm": one.diameter,
-        "measured_packing_density": one.measured.packing_density,
-    }
+def _save(target: Store, ready: list[_Open], curves: Curves) -> list[CalibrationReport]:
+    """Write calibrations, or why there are none; of an equal one on the same runs only the time is renewed."""
+    out = []
     with target.write() as session:
-        row = next(iter(store.equal_results(session, Calibration, facts, digests)), None)
-        if row is None:
-            evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
-            row = Calibration(progress=1.0, finished_at=now(), runs=evidence, **facts)
-            store.add_all(session, [row])
-        row.requested_at = now()
-        return calibration_report(one.aggregate, row)
+        for one in ready:
+            row = None if one.kept is None else store.find_row(session, Calibration, one.kept.id)
+            if row is None:
+                facts = _row_facts(one, curves)
+                digests = {packing.digest for packing in curves.evidence(one.ladder())}
+                row = next(iter(store.equal_results(session, Calibration, facts, digests)), None)
+            if row is None:
+                evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
+                row = Calibration(progress=1.0, finished_at=now(), runs=evidence, **facts)
+                store.add_all(session, [row])
+            row.requested_at = now()
+            report = calibration_report(one.aggregate, row)
+            out.append(replace(report, choice=one.choice, error=one.error))
+    return out
 
 
 def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
-    """Return a stored calibration that is done as the report it gave."""
+    """Return a stored calibration as the report it gave."""
+    rolling = row.method == ROLLING
     result = calibration.Calibrated(
-        friction=float(row.friction or 0.0),
-        low=row.friction_low,
-        high=row.friction_high,
+        value=float((row.rolling_friction if rolling else row.friction) or 0.0),
+        low=row.rolling_friction_low if rolling else row.friction_low,
+        high=row.rolling_friction_high if rolling else row.friction_high,
         packing_density=float(row.packing_density or 0.0),
         input_error=float(row.input_error or 0.0),
         curve_error=float(row.curve_error or 0.0),
         warnings=tuple((row.warnings or "").splitlines()),
     )
-    measured = math.nan if row.measured_packing_density is None else row.measured_packing_density
+    sizes = json.loads(row.spheres) if row.spheres else [(row.diameter_mm, 1.0)]
     return CalibrationReport(
-        aggregate.name, aggregate.id, row.id, row.diameter_mm, row.diameter_rule, measured,
-        row.packing_test.compaction if row.packing_test else "", result, particle_density(aggregate),
-    )  # fmt: skip
+        aggregate=aggregate.name,
+        aggregate_id=aggregate.id,
+        calibration_id=row.id,
+        method=row.method,
+        diameter=row.diameter_mm,
+        rule=row.diameter_rule,
+        sizes=tuple((size, share) for size, share in sizes),
+        measured=math.nan if row.measured_packing_density is None else row.measured_packing_density,
+        compaction=row.packing_test.compaction if row.packing_test else "",
+        protocol=protocol_of_text(row.protocol),
+        friction=float(row.friction or 0.0),
+        rolling=float(row.rolling_friction or 0.0),
+        result=result if row.state == "done" else None,
+        density=particle_density(aggregate),
+    )

@@ -9,11 +9,11 @@ from typing import Any
 from pdlab import mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import InputError, PdlabError, TooSoft
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, calibration_report
+from pdlab.experiments.calibrations import CalibrationReport, Way, calibrate_rows, calibration_report
+from pdlab.experiments.curves import RunAll
 from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
-from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
-from pdlab.specimen import Packing, Specimen, protocol_of
+from pdlab.specimen import LOOSE, Packing, Specimen
 from pdlab.store import Store
 
 
@@ -24,6 +24,7 @@ class PredictionReport:
     mixture: str
     method: str = METHOD
     rule: str = ""
+    leave_out: float | None = None
     packing_density: float | None = None
     standard_error: float | None = None
     input_error: float | None = None
@@ -48,29 +49,26 @@ class PredictionReport:
 
 @dataclass
 class _Blend:
-    """A mixture on its way to a prediction."""
+    """A mixture on its way to a prediction; ``choices``: what ``auto`` took for its aggregates, and why."""
 
     row: Mixture
     parts: list[mixture.Part]
     calibration_ids: list[int]
+    choices: list[str] = field(default_factory=list)
     done: list[Packing] = field(default_factory=list)
     error: PdlabError | None = None
     stiffer: float = 1.0
 
 
 def predict(
-    target: Store,
-    run_all: RunAll,
-    names: Sequence[str] = (),
-    rule: str = DEFAULT_RULE,
-    seeds: int = mixture.SEEDS,
+    target: Store, run_all: RunAll, names: Sequence[str] = (), way: Way | None = None
 ) -> list[PredictionReport]:
     """Predict the named mixtures, or all, calibrating their aggregates first where needed.
 
-    ``seeds``: beds at each node of the curve, and of each mixture at first.
-
-    Each mixture's error stands in its report. Raises UnknownName.
+    The way's ``seeds``: beds at each node of the curve, and of each mixture at first. Each mixture's error stands in
+    its report. Raises UnknownName.
     """
+    way = way or Way()
     with target.read() as session:
         rows = store.mixtures(session, names)
     if not rows:
@@ -78,38 +76,49 @@ def predict(
     ids = list(dict.fromkeys(part.aggregate_id for row in rows for part in row.components))
     with target.read() as session:
         parts = store.aggregates_by_id(session, ids)
-    known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, rule, seeds)}
+    known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, way)}
     blends = [_open_blend(row, known) for row in rows]
-    _run_blends(blends, run_all, seeds)
-    for blend in blends:
-        _save_prediction(target, blend)
-    found = comparisons(target, names=[blend.row.name for blend in blends])
-    fresh = {report.mixture: report for report in found if report.method == METHOD}
+    _run_blends(blends, run_all, way.seeds)
+    saved = [_save_prediction(target, blend, way) for blend in blends]
+    fresh = _reports(target, saved)
     return [
-        fresh[blend.row.name]
+        fresh[key]
         if blend.error is None
-        else PredictionReport(blend.row.name, state="failed", message=str(blend.error), error=blend.error)
-        for blend in blends
+        else PredictionReport(blend.row.name, way.method, state="failed", message=str(blend.error), error=blend.error)
+        for key, blend in zip(saved, blends, strict=True)
     ]
 
 
 def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
-    parts, ids = [], []
+    parts, ids, choices = [], [], []
     total = math.fsum(component.solid_volume_share for component in row.components)  # 1 but for rounding
     for component in row.components:
         report = known[component.aggregate_id]
         if report.result is None or report.calibration_id is None:
-            text = f"aggregate '{report.aggregate}' of mixture '{row.name}' has no friction coefficient: {report.error}"
+            text = f"aggregate '{report.aggregate}' of mixture '{row.name}' is not calibrated: {report.error}"
             return _Blend(row, [], [], error=type(report.error or InputError())(text))
         ids.append(report.calibration_id)
-        parts.append(
-            mixture.Part(
-                report.aggregate, component.solid_volume_share / total, report.diameter, report.result.friction,
-                report.measured, report.result.input_error, report.result.curve_error, report.compaction,
-                report.density,
-            )
-        )  # fmt: skip
-    return _Blend(row, parts, ids)
+        if report.choice:
+            choices.append(f"{report.aggregate}: {report.choice}")
+        parts.append(_part(report, component.solid_volume_share / total))
+    return _Blend(row, parts, ids, choices)
+
+
+def _part(report: CalibrationReport, share: float) -> mixture.Part:
+    """Return a calibrated aggregate as a mixture's part with this share of the solid volume [-]."""
+    assert report.result is not None
+    return mixture.Part(
+        aggregate=report.aggregate,
+        share=share,
+        sizes=report.sizes,
+        friction=report.friction,
+        packing_density=report.measured,
+        input_error=report.result.input_error,
+        curve_error=report.result.curve_error,
+        protocol=report.protocol,
+        density=report.density,
+        rolling=report.rolling,
+    )
 
 
 def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
@@ -146,17 +155,18 @@ def _facts_of(blend: _Blend) -> dict[str, Any]:
         "packing_density": result.packing_density,
         "standard_error": result.standard_error,
         "input_error": result.input_error,
-        "warnings": "\n".join(result.warnings) or None,
+        "warnings": "\n".join([*blend.choices, *result.warnings]) or None,
     }
 
 
-def _save_prediction(target: Store, blend: _Blend) -> None:
+def _save_prediction(target: Store, blend: _Blend, way: Way) -> int:
     """Write a prediction, or why there is none; of an equal one on the same runs only the time is renewed."""
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
-    protocol = protocol_of(blend.parts[0].compaction if blend.parts else "unstated")
+    protocol = blend.parts[0].protocol if blend.parts else LOOSE
     facts: dict[str, Any] = _facts_of(blend) | {
         "mixture_id": blend.row.id,
-        "method": METHOD,
+        "method": way.method,
+        "variant": way.variant,
         "protocol": protocol_text(mixture.stiffened(protocol, blend.stiffer)),
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
@@ -173,6 +183,18 @@ def _save_prediction(target: Store, blend: _Blend) -> None:
             )
             store.add_all(session, [row])
         row.requested_at = now()
+        return row.id
+
+
+def _reports(target: Store, ids: Sequence[int]) -> dict[int, PredictionReport]:
+    """Return the reports of predictions that are new, by id."""
+    with target.read() as session:
+        rows = store.predictions_by_id(session, ids)
+        spread = store.differences(session)
+    return {
+        row.id: _with_expected_error(_comparison(row, []), *spread.get((row.method, row.engine_version), (0, 0.0)))
+        for row in rows
+    }
 
 
 def comparisons(
@@ -189,13 +211,14 @@ def comparisons(
         newest_engine = engine_version or store.newest_engine(session)
         found = store.newest_predictions(session, [row.id for row in rows])
         spread = store.differences(session)
-    done = [prediction for several in found.values() for prediction in several]
-    fits = {link.calibration_id: link.calibration for one in done for link in one.calibrations}
+    predicted = [one for several in found.values() for one in several]
+    fits = {link.calibration_id: link.calibration for one in predicted for link in one.calibrations}
     stale = {key for key, fit in fits.items() if is_stale(fit)}
     reports = [
-        _open_comparison(row) if one is None else _comparison(one, _outdated(one, stale, newest_engine))
+        report
         for row in rows
-        for one in found.get(row.id, [None])
+        for report in [_comparison(one, _outdated(one, stale, newest_engine)) for one in found.get(row.id, [])]
+        or [_open_comparison(row)]
     ]
     return [
         _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0)))
@@ -221,6 +244,7 @@ def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
         mixture=row.mixture.name,
         method=row.method,
         rule=", ".join(sorted({link.calibration.diameter_rule for link in row.calibrations})),
+        leave_out=max((link.calibration.leave_out_below_mm or 0.0 for link in row.calibrations), default=0.0) or None,
         packing_density=row.packing_density,
         standard_error=row.standard_error,
         input_error=row.input_error,

@@ -5,10 +5,12 @@ import math
 from dataclasses import dataclass, replace
 
 from pdlab import density, grading, store
+from pdlab.calibration import GRADED
 from pdlab.density import MeasuredPacking
+from pdlab.errors import GradingError
 from pdlab.grading import Grading, SieveRow, SieveTable
-from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, SieveAnalysis
-from pdlab.specimen import Protocol, protocol_of
+from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run, SieveAnalysis
+from pdlab.specimen import Packing, Protocol, protocol_of
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS
 
@@ -61,6 +63,83 @@ def current_grading(aggregate: Aggregate) -> Grading | None:
     return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]))
 
 
+def packing_of(run: Run) -> Packing:
+    """Return a stored run as the packing that it gave."""
+    return Packing(
+        digest=run.specimen_hash,
+        packing_density=float(run.packing_density or 0.0),
+        coordination_number=float(run.coordination_number or 0.0),
+        height=float(run.height or 0.0),
+        slab_shares=tuple(json.loads(run.slab_shares or "[]")),
+        largest_overlap=float(run.largest_overlap or 0.0),
+        rest=run.rest or "",
+        steps=int(run.steps or 0),
+        seconds=float(run.seconds or 0.0),
+        engine_version=run.engine_version,
+        warnings=tuple((run.warnings or "").splitlines()),
+    )
+
+
+def spheres_text(method: str, sieved: Grading, leave_out: float | None) -> str | None:
+    """Return the sizes [mm] and shares of graded spheres as they are kept with a calibration, None for one size."""
+    if method != GRADED:
+        return None
+    try:
+        return json.dumps(grading.sieve_classes(sieved, leave_out or 0.0))
+    except GradingError:
+        return ""
+
+
+COHESIVE, MOST_COHESIVE = 0.125, 0.05
+"""Grains finer than this [mm] stick to each other: more than this share of them is warned about."""
+NARROW = 10.0
+"""Largest sizes that a container is to be wide."""
+DISAGREEING = 3.0
+"""Standard errors of their difference by which two current density tests may disagree."""
+
+
+def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest) -> list[str]:
+    """Return what speaks against a calibration to a density test, or was assumed in it."""
+    out = list(sieved.warnings)
+    if test.compaction == "unstated":
+        out.append("the density test's compaction is not stated: it is simulated as loose")
+    coarsest = sieved.apertures[0]
+    if test.container_diameter_mm is not None and test.container_diameter_mm < NARROW * coarsest:
+        out.append(
+            f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than "
+            f"{NARROW:g}: the wall's effect on the measured PD lies in the friction coefficient"
+        )
+    fines = grading.passing_at(sieved, COHESIVE)
+    if fines > MOST_COHESIVE:
+        out.append(
+            f"{100.0 * fines:.3g} % are finer than {COHESIVE:g} mm, more than {100.0 * MOST_COHESIVE:g} %: cohesion, "
+            "which no bed here has, lowers their packing density"
+        )
+    return out + _disagreement(aggregate, test)
+
+
+def _disagreement(aggregate: Aggregate, test: PackingTest) -> list[str]:
+    """Return by how much the test before, of the same compaction, disagrees, where it is too much for chance."""
+    earlier = [one for one in aggregate.packing_tests if one.compaction == test.compaction and one.id < test.id]
+    before = store.newest_test(earlier)
+    if before is None:
+        return []
+    now, then = (measured_test(one, particle_density(aggregate)) for one in (test, before))
+    off = abs(now.packing_density - then.packing_density)
+    allowed = DISAGREEING * math.hypot(now.standard_error, then.standard_error)
+    if off <= allowed:
+        return []
+    return [
+        f"the last two {test.compaction} density tests disagree by {off:.4f} in PD ({then.packing_density:.4f}, then "
+        f"{now.packing_density:.4f}), more than {DISAGREEING:g} standard errors ({allowed:.4f}): the newer one is taken"
+    ]
+
+
+def protocol_of_text(text: str) -> Protocol:
+    """Return the protocol that was kept with a result; what an older version did not name is the default."""
+    return Protocol(**json.loads(text))
+
+
 def protocol_text(protocol: Protocol) -> str:
     """Return a protocol as it is kept with its results."""
     return json.dumps(protocol.settings(), sort_keys=True)
@@ -80,6 +159,7 @@ def is_stale(fit: Calibration) -> bool:
         or (fit.state == "done" and measured.standard_error != fit.input_error)
         or grading.equivalent_diameters(sieved, [fit.diameter_rule])[fit.diameter_rule] != fit.diameter_mm
         or protocol_text(protocol_of(test.compaction)) != fit.protocol
+        or spheres_text(fit.method, sieved, fit.leave_out_below_mm) != fit.spheres
     )
 
 

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pdlab import store
-from pdlab.calibration import SEEDS
 from pdlab.errors import PdlabError
-from pdlab.experiments.calibrations import CalibrationReport, RunAll, calibrate_rows, calibration_report
+from pdlab.experiments.calibrations import CalibrationReport, Way, calibrate_rows, calibration_report
+from pdlab.experiments.curves import RunAll
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import older_engine
+from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Calibration
 from pdlab.store import Store
 
@@ -50,7 +51,7 @@ class Refreshed:
 
 
 def refresh(target: Store, run_all: RunAll, engine_version: int, names: Sequence[str] = ()) -> list[Refreshed]:
-    """Calibrate and predict again, by the rule used before, what rests on an older engine than ``engine_version``.
+    """Calibrate and predict again, by the method and rule of before, what rests on an engine older than this version.
 
     All of it, or the named mixtures with their aggregates. The rows of before stay in the store. What cannot be
     worked out again is reported with its error. Raises UnknownName.
@@ -66,26 +67,33 @@ def refresh(target: Store, run_all: RunAll, engine_version: int, names: Sequence
     ]
     parts = {part.aggregate_id for blend in blends for part in blend.components}
     fits = [fit for fit in fits if not names or fit.aggregate_id in parts]
-    predicted, calibrated = dict[str, PredictionReport](), dict[int, CalibrationReport]()
-    for rule in sorted({report.rule for report in before}):
-        again = predict(target, run_all, [report.mixture for report in before if report.rule == rule], rule)
-        predicted |= {report.mixture: report for report in again}
-    for rule in sorted({fit.diameter_rule for fit in fits}):
-        again_fits = calibrate_rows(
-            target, run_all, [fit.aggregate for fit in fits if fit.diameter_rule == rule], rule, SEEDS
-        )
-        calibrated |= {report.aggregate_id: report for report in again_fits}
-    return [_of_aggregate(fit, calibrated[fit.aggregate_id]) for fit in fits] + [
-        _of_mixture(report, predicted[report.mixture]) for report in before
+    predicted, calibrated = dict[tuple[str, Way], PredictionReport](), dict[tuple[int, Way], CalibrationReport]()
+    for way in dict.fromkeys(_way_of_prediction(report) for report in before):
+        names = [report.mixture for report in before if _way_of_prediction(report) == way]
+        predicted |= {(report.mixture, way): report for report in predict(target, run_all, names, way)}
+    for way in dict.fromkeys(_way_of_calibration(fit) for fit in fits):
+        rows = [fit.aggregate for fit in fits if _way_of_calibration(fit) == way]
+        calibrated |= {(report.aggregate_id, way): report for report in calibrate_rows(target, run_all, rows, way)}
+    return [_of_aggregate(fit, calibrated[fit.aggregate_id, _way_of_calibration(fit)]) for fit in fits] + [
+        _of_mixture(report, predicted[report.mixture, _way_of_prediction(report)]) for report in before
     ]
 
 
+def _way_of_prediction(report: PredictionReport) -> Way:
+    return Way(report.method, report.rule or DEFAULT_RULE, leave_out=report.leave_out)
+
+
+def _way_of_calibration(fit: Calibration) -> Way:
+    return Way(fit.method, fit.diameter_rule, leave_out=fit.leave_out_below_mm)
+
+
 def _older_fits(fits: Sequence[Calibration], engine_version: int) -> list[Calibration]:
-    """Return the last calibration of each aggregate that gave a friction, of those of an older engine."""
-    last: dict[int, Calibration] = {}
+    """Return the last calibration of each aggregate by each method, where it is done and of an older engine."""
+    last: dict[tuple[int, str], Calibration] = {}
     for fit in fits:
-        last.setdefault(fit.aggregate_id, fit)
-    ordered = sorted(last.values(), key=lambda fit: fit.aggregate_id)
+        if not fit.variant:
+            last.setdefault((fit.aggregate_id, fit.method), fit)
+    ordered = [last[key] for key in sorted(last)]
     return [fit for fit in ordered if fit.state == "done" and older_engine(fit.engine_version, engine_version)]
 
 
@@ -99,8 +107,8 @@ def _of_mixture(before: PredictionReport, after: PredictionReport) -> Refreshed:
 def _of_aggregate(fit: Calibration, after: CalibrationReport) -> Refreshed:
     before = calibration_report(fit.aggregate, fit)
     return Refreshed(
-        "aggregate", before.aggregate, before.result.friction if before.result else None, fit.engine_version,
-        _friction_error(before), after.result.friction if after.result else None, _friction_error(after), after.error,
+        "aggregate", before.aggregate, before.result.value if before.result else None, fit.engine_version,
+        _friction_error(before), after.result.value if after.result else None, _friction_error(after), after.error,
     )  # fmt: skip
 
 

@@ -202,6 +202,18 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
     return list(session.scalars(query))
 
 
+def done_calibrations(session: Session, aggregate_ids: Sequence[int], engine_version: int) -> list[Calibration]:
+    """Return calibrations of aggregates that are done, by an engine version, the last asked for first."""
+    query = _CALIBRATIONS.where(Calibration.state == "done", Calibration.engine_version == engine_version)
+    parts = (query.where(Calibration.aggregate_id.in_(part)) for part in _parts(aggregate_ids))
+    return [row for part in parts for row in session.scalars(part)]
+
+
+def predictions_by_id(session: Session, ids: Sequence[int]) -> list[Prediction]:
+    """Return predictions with what they rest on."""
+    return [row for part in _parts(ids) for row in session.scalars(_PREDICTIONS.where(Prediction.id.in_(part)))]
+
+
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:
     """Return predictions, done or failed, with what they rest on, the last asked for first."""
     query = _PREDICTIONS.where(Prediction.state.in_(ENDED))

@@ -172,6 +172,14 @@ def test_a_pair_has_springs_in_series_and_the_smaller_friction_and_so_has_the_fl
     np.testing.assert_allclose(pair, pair.swapaxes(0, 1))
 
 
+@pytest.mark.parametrize(("rule", "wanted"), [("minimum", 0.2), ("mean", 0.5), ("geometric_mean", 0.4)])
+def test_the_friction_of_a_pair_is_the_minimum_or_a_mean_of_theirs(rule: str, wanted: float) -> None:
+    one, friction = np.ones(2), np.array([0.2, 0.8])
+    pair, floor = contact.law_tables(one, one, friction, np.zeros(2), 0.4, 100.0, 0.25, rule)
+    np.testing.assert_allclose(pair[..., contact.MU], [[0.2, wanted], [wanted, 0.8]])
+    np.testing.assert_allclose(floor[:, contact.MU], [0.2, 0.4])
+
+
 @pytest.mark.parametrize(("velocity", "wanted"), [(-0.01, -0.3), (1.0, -1.7)])
 def test_local_damping_takes_its_share_of_the_resultant_against_the_velocity(velocity: float, wanted: float) -> None:
     setup = replace(make_setup(gravity=(0.0, 0.0, -1.0)), local_damping=0.7)

@@ -69,6 +69,7 @@ def fill(store: Store) -> None:
                 session.merge(run(specimen, result))
         return results
 
+    run_all.engine_version = ENGINE  # type: ignore[attr-defined]
     register(store, read_path(SHIPPED))
     predict(store, run_all)
     with store.write() as session:
