@@ -339,6 +339,9 @@ def test_ferets_pebbles_by_every_theory() -> None:
     assert error(toufar) == pytest.approx(0.0106, abs=1e-4)
     assert error(cpm) == pytest.approx(0.0115, abs=1e-4)
     assert error(volume_mean) == pytest.approx(0.0373, abs=1e-4)
+    assert error(furnas) == pytest.approx(0.1085, abs=1e-4)
+    fitted = fit_compaction_index(pebbles, shares, mixed.packing_density)
+    assert (fitted.value, fitted.rms_error) == pytest.approx((2.293, 0.00686), rel=1e-3)
 
 
 # --- what is refused
