@@ -10,6 +10,7 @@ PdlabError
 │   ├── TableError          what is wrong in imported tables, all of it, with file, row, column
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
 │   ├── OutOfReach          a packing density that the method's spheres cannot reach
+│   ├── TooFewData          fewer measurements than what is to be fitted to them
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
 │   ├── EditedMeanwhile     a row that another has changed since it was read
 │   ├── StillNeeded         a row that cannot be deleted, since others rest on it
@@ -94,6 +95,10 @@ class OutOfReach(InputError):
     def __init__(self, message: str, looser: bool = False) -> None:
         super().__init__(message)
         self.looser = looser
+
+
+class TooFewData(InputError):
+    """Fewer measurements than what is to be fitted to them."""
 
 
 class SpecimenTooLarge(InputError):
