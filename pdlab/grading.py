@@ -197,8 +197,11 @@ def _cumulative(table: SieveTable) -> tuple[list[float], list[float], int | None
     return apertures, passing, pan_row
 
 
-def make_grading(table: SieveTable) -> Grading:
-    """Return the size distribution of a sieve table. Raises the first GradingError of ``check``."""
+def make_grading(table: SieveTable, pan_factor: float = 1.0) -> Grading:
+    """Return the size distribution of a sieve table. Raises the first GradingError of ``check``.
+
+    A pan without a lower size takes half the finest aperture, times ``pan_factor`` [-].
+    """
     wrong = check(table)
     if wrong:
         raise wrong[0]
@@ -207,7 +210,7 @@ def make_grading(table: SieveTable) -> Grading:
     if passing[-1] > 0.0:
         lower = table.pan_lower
         if lower is None:
-            lower = apertures[-1] / 2.0
+            lower = apertures[-1] / 2.0 * pan_factor
             warnings.append(
                 f"the pan's {100 * passing[-1]:.3g} % have no lower size: half the finest aperture, "
                 f"{lower:g} mm, is taken; a factor of 2 in it changes the log-mean diameter by "
@@ -236,6 +239,11 @@ def sieve_classes(grading: Grading, finest: float = 0.0) -> tuple[tuple[float, f
         raise GradingError(f"nothing is left of the grading above {finest:g} mm; leave out less")
     whole = math.fsum(share for _, share in kept)
     return tuple((size, share / whole) for size, share in kept)
+
+
+def assumes_pan(table: SieveTable) -> bool:
+    """Return whether something fell into a pan whose lower size is not stated and has to be assumed."""
+    return table.pan_lower is None and _cumulative(table)[1][-1] > 0.0
 
 
 def passing_at(grading: Grading, aperture: float) -> float:

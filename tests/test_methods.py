@@ -196,9 +196,26 @@ def test_the_sheet_works_the_whole_chain_out_under_every_other_choice(
     values = [other.report.packing_density for other in one.assumed if other.choice == "diameter rule"]
     known = [value for value in [one.report.packing_density, *values] if value is not None]
     assert one.spread("diameter rule") == max(known) - min(known) > 0.0
-    assert {choice for choice in CHOICES if one.spread(choice) is not None} == set(CHOICES)
+    assert {choice for choice in CHOICES if one.spread(choice) is not None} == {*CHOICES} - {"assumed pan size"}
     variants = {row.variant for row in rows(lab, Prediction)}
     assert {"", "local_damping=0", "pair_friction=mean", "diameter_rule=harmonic"} <= variants
+
+
+def test_the_sheet_halves_and_doubles_the_size_assumed_of_a_pan(
+    lab: Store, folder: Folder, formula_runner: Any
+) -> None:
+    sieves = "aggregate,aperture_mm,passing_percent\nwith pan,4,100\nwith pan,2,50\nwith pan,1,8\n"
+    tests = "material,compaction,packing_density\nwith pan,loose,0.6\n"
+    mixtures = "mixture,aggregate,solid_volume_share\nP,round,0.5\nP,with pan,0.5\n"
+    register(
+        lab, read_path(folder(aggregates="name\nwith pan\n", sieves=sieves, packing_tests=tests, mixtures=mixtures))
+    )
+    (one,) = sheet(lab, formula_runner(lab), ["P"])
+    made = {other.name: other.report for other in one.assumed if other.choice == "assumed pan size"}
+    assert made.keys() == {"0.5 times", "2 times"}
+    diameters = {row.variant: row.diameter_mm for row in rows(lab, Calibration) if row.aggregate_id == 4}
+    assert diameters["assumed_pan_size=0.5"] == pytest.approx(diameters[""] * 2.0**-0.04)
+    assert diameters["assumed_pan_size=2"] == pytest.approx(diameters[""] * 2.0**0.04)
 
 
 def test_variants_are_in_no_list_and_no_current_calibration(lab: Store, formula_runner: Any) -> None:

@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from pdlab import grading
+from pdlab import grading, store
 from pdlab.errors import InputError
 from pdlab.experiments.calibrations import Way
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.predictions import PredictionReport, predict
+from pdlab.experiments.readings import sieve_table
 from pdlab.specimen import PAIR_FRICTIONS
 from pdlab.store import Store
 
-RULES, DAMPING, PAIRS = "diameter rule", "local damping", "pair friction"
-CHOICES = (RULES, DAMPING, PAIRS)
+RULES, DAMPING, PAIRS, PAN = "diameter rule", "local damping", "pair friction", "assumed pan size"
+CHOICES = (RULES, DAMPING, PAIRS, PAN)
 
 
 @dataclass(frozen=True)
@@ -42,20 +43,32 @@ class Sheet:
 def sheet(target: Store, run_all: RunAll, names: Sequence[str] = (), way: Way | None = None) -> list[Sheet]:
     """Predict mixtures by the whole chain, calibrations included, once as usual and once for each other choice.
 
-    The choices: every other diameter rule, no local damping beside that of the pouring, the pair's friction by the
-    mean and the geometric mean beside the minimum. What cannot be worked out stands with its error. Raises
-    UnknownName, and InputError for a way that is itself a variant.
+    The choices: every other diameter rule, no local damping, the pair's friction by the mean and the geometric mean
+    instead of the minimum, and half and twice the lower size that is assumed of pans without one. What cannot be
+    worked out stands with its error. Raises UnknownName, and InputError for a way that is itself a variant.
     """
     way = way or Way()
     if way.variant:
         raise InputError(f"'{way.variant}' is a variant already; ask for the sheet of the method as it is")
     usual = predict(target, run_all, names, way)
     mixtures = [report.mixture for report in usual]
-    variants = [(choice, name, predict(target, run_all, mixtures, other)) for choice, name, other in variants_of(way)]
-    return [
-        Sheet(report.mixture, report, tuple(Assumed(choice, name, others[k]) for choice, name, others in variants))
-        for k, report in enumerate(usual)
-    ]
+    pans = _with_assumed_pans(target, mixtures)
+    assumed: dict[str, list[Assumed]] = {name: [] for name in mixtures}
+    for choice, name, other in variants_of(way):
+        asked = [one for one in mixtures if choice != PAN or one in pans]
+        for report in predict(target, run_all, asked, other) if asked else ():
+            assumed[report.mixture].append(Assumed(choice, name, report))
+    return [Sheet(report.mixture, report, tuple(assumed[report.mixture])) for report in usual]
+
+
+def _with_assumed_pans(target: Store, mixtures: Sequence[str]) -> set[str]:
+    """Return the mixtures of which an aggregate's pan holds something and has no lower size."""
+    with target.read() as session:
+        rows = store.mixtures(session, mixtures)
+        ids = list({part.aggregate_id for row in rows for part in row.components})
+        analyses = {one.id: one.sieve_analyses[-1:] for one in store.aggregates_by_id(session, ids)}
+    assuming = {key for key, last in analyses.items() if any(grading.assumes_pan(sieve_table(one)) for one in last)}
+    return {row.name for row in rows if any(part.aggregate_id in assuming for part in row.components)}
 
 
 def variants_of(way: Way) -> list[tuple[str, str, Way]]:
@@ -66,4 +79,8 @@ def variants_of(way: Way) -> list[tuple[str, str, Way]]:
         (PAIRS, rule, replace(way, variant=f"pair_friction={rule}", settings=(("pair_friction", rule),)))
         for rule in PAIR_FRICTIONS[1:]
     ]
-    return [one for one in rules if one[1] != way.rule] + [(DAMPING, "0", undamped), *pairs]
+    pans = [
+        (PAN, f"{factor:g} times", replace(way, pan_factor=factor, variant=f"assumed_pan_size={factor:g}"))
+        for factor in (0.5, 2.0)
+    ]
+    return [*(one for one in rules if one[1] != way.rule), (DAMPING, "0", undamped), *pairs, *pans]

@@ -33,8 +33,9 @@ METHODS = (MONOSIZED, ROLLING, GRADED)
 class Way:
     """How aggregates become spheres: a ``method``, a diameter ``rule``, ``seeds`` beds at a node of the curve.
 
-    ``leave_out``: graded spheres finer than this [mm] are left out, None for none. ``variant`` and ``settings``: the
-    name of an assumption and the settings of the protocol that it changes.
+    ``leave_out``: graded spheres finer than this [mm] are left out, None for none. ``variant``: the name of an
+    assumption that is made differently, by the rule, by ``settings`` of the protocol, or by a ``pan_factor`` on the
+    lower size that is assumed of pans without one.
     """
 
     method: str = MONOSIZED
@@ -43,6 +44,7 @@ class Way:
     leave_out: float | None = None
     variant: str = ""
     settings: tuple[tuple[str, Any], ...] = ()
+    pan_factor: float = 1.0
 
     def __post_init__(self) -> None:
         if self.method not in (*METHODS, AUTO):
@@ -171,7 +173,7 @@ def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], wa
 
 
 def _open_calibration(row: Aggregate, way: Way) -> _Open:
-    sieved, test = current_grading(row), store.newest_test(row.packing_tests)
+    sieved, test = current_grading(row, way.pan_factor), store.newest_test(row.packing_tests)
     if sieved is None:
         raise InputError(f"aggregate '{row.name}' has no sieve analysis; enter one")
     if test is None:

@@ -56,11 +56,14 @@ def measured_mixture(blend: Mixture) -> MeasuredPacking | None:
     return None if test is None else measured_test(test, mean_density(blend))
 
 
-def current_grading(aggregate: Aggregate) -> Grading | None:
-    """Return an aggregate's current grading, None where it was not sieved."""
+def current_grading(aggregate: Aggregate, pan_factor: float = 1.0) -> Grading | None:
+    """Return an aggregate's current grading, None where it was not sieved.
+
+    ``pan_factor`` [-]: of the lower size that is assumed of a pan without one.
+    """
     if not aggregate.sieve_analyses:
         return None
-    return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]))
+    return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]), pan_factor)
 
 
 def packing_of(run: Run) -> Packing:
