@@ -56,8 +56,12 @@ def _comparison(target: Store) -> None:
     if not reports:
         st.info("The store holds no mixture yet. Run `pdlab demo` for an example, or `pdlab import` your own tables.")
         return
-    if len(reports) == NEWEST and (in_all := experiments.counted(target, "predictions")) > NEWEST:
-        st.caption(f"The newest {NEWEST} of {in_all} mixtures; `pdlab ls predictions` lists them all.")
+    if len({report.mixture for report in reports}) == NEWEST:
+        st.caption(f"The newest {NEWEST} mixtures; `pdlab ls predictions` lists all.")
+    methods = list(dict.fromkeys(report.method for report in reports if report.state != "open"))
+    if len(methods) > 1:
+        chosen = st.radio("Method", methods, horizontal=True, key="method")
+        reports = [report for report in reports if report.method == chosen or report.state == "open"]
     compared = [report for report in reports if report.difference is not None]
     left, right = st.columns([3, 2])
     with left:

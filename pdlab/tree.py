@@ -70,12 +70,19 @@ def _of_prediction(facts: Facts) -> str:
 def _of_calibration(facts: Facts) -> str:
     if facts["friction"] is None:
         return f"{_method(facts)}, {_made(facts)}"
-    low, high = (("open" if facts[end] is None else f"{facts[end]:.4g}") for end in ("friction_low", "friction_high"))
     return (
-        f"friction {facts['friction']:.4g} ({low} to {high}) at {_error_bars(facts, 'curve_error')}, "
+        f"{_coefficient(facts)} at {_error_bars(facts, 'curve_error')}, "
         f"{_measured(facts)}, diameter {facts['diameter_mm']:.4g} mm ({facts['diameter_rule']}), {_method(facts)}, "
         f"{_made(facts)}"
     )
+
+
+def _coefficient(facts: Facts) -> str:
+    """Return friction, or rolling friction where that was calibrated, with its interval."""
+    name = "friction" if facts["rolling_friction"] is None else "rolling_friction"
+    low, high = ("open" if facts[f"{name}_{end}"] is None else f"{facts[f'{name}_{end}']:.4g}" for end in ("low", "high"))
+    held = "" if name == "friction" else f"friction {facts['friction']:.4g}, "
+    return f"{held}{name.replace('_', ' ')} {facts[name]:.4g} ({low} to {high})"
 
 
 def _measured(facts: Facts) -> str:

@@ -146,6 +146,18 @@ def test_the_store_s_mixtures_stand_predicted_against_measured(lab: Store) -> No
     assert len(app.metric) == 2
 
 
+def test_methods_are_compared_one_at_a_time(lab: Store) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    for method in ("monosized", "graded"):
+        experiments.predict(lab, FormulaRunner(lab), way=experiments.Way(method))
+    app = page()
+    assert app.radio(key="method").options == ["monosized", "graded"]
+    assert list(app.dataframe[0].value["method"]) == ["monosized"] * 3
+    app.radio(key="method").set_value("graded").run()
+    assert list(app.dataframe[0].value["method"]) == ["graded"] * 3
+    assert app.metric[0].label == "Mean absolute error over 3 mixtures"
+
+
 def test_a_store_that_cannot_be_opened_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("no store at all" * 100)

@@ -36,7 +36,7 @@ def main() -> None:
     runner = Runner(open_store("carried_errors.db"))
     alone = {mu: mean(runner, mu) for mu in (0.1, 0.2)}
     base, base_error = mean(runner, BASE)
-    parts = [Part("", 0.5, d, mu, alone[mu][0], 0.0, 0.0, "loose") for d, mu in zip(DIAMETERS, BASE, strict=True)]
+    parts = [Part("", 0.5, ((d, 1.0),), mu, alone[mu][0], 0.0, 0.0) for d, mu in zip(DIAMETERS, BASE, strict=True)]
     weights = sensitivities(parts, base)
     print("| moved | change of its PD | change of the mixture's PD | standard error | carried |")
     print("|---|---|---|---|---|")
