@@ -203,8 +203,12 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
 
 
 def done_calibrations(session: Session, aggregate_ids: Sequence[int], engine_version: int) -> list[Calibration]:
-    """Return calibrations of aggregates that are done, by an engine version, the last asked for first."""
-    query = _CALIBRATIONS.where(Calibration.state == "done", Calibration.engine_version == engine_version)
+    """Return calibrations of aggregates that are done, by an engine version, the last asked for first, and no more."""
+    query = (
+        sa.select(Calibration)
+        .where(Calibration.state == "done", Calibration.engine_version == engine_version)
+        .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
+    )
     parts = (query.where(Calibration.aggregate_id.in_(part)) for part in _parts(aggregate_ids))
     return [row for part in parts for row in session.scalars(part)]
 
