@@ -52,7 +52,7 @@ def advance(setup: Setup, state: State | None, steps: int, threads: int = 1) -> 
             state = look(setup, without_fallen(setup, state))
             if state.steps % (SORT_EVERY * check) == 0:
                 state = in_order(setup, state)
-        if state.steps == over:
+        if state.steps == stage_end(setup, state):
             state = next_stage(setup, state)
     return state
 
@@ -265,13 +265,14 @@ def look(setup: Setup, state: State) -> State:
     """Return the state with this look's verdict on its rest. Raises NotAtRest.
 
     Still: twice in a row, not before the fall time, hardly any kinetic energy and forces in balance.
-    Creeping: the middle's PD moved by less than 2e-4 over 20 sqrt(d/g) at little energy. A bed that
-    rests before its test is over goes on to the next stage.
+    Creeping: the middle's PD, of a heap its centre of mass, moved by less than 2e-4 over 20 sqrt(d/g) at little
+    energy. A bed that rests before its test is over goes on to the next stage, a heap once its cylinder is clear of it.
     """
     stage, time = setup.stages[state.stage], state.steps * setup.time_step
     history = np.vstack([state.history, [time, _watched(setup, state)]])
     if stage.duration is not None:
-        return replace(state, history=history)
+        state = replace(state, history=history)
+        return next_stage(setup, state) if _is_clear(setup, state) else state
     energy = _energy(setup, state)
     spent = (state.steps - state.stage_began) * setup.time_step
     fallen = setup.fall_time if stage.layer is not None else 0.0
@@ -304,6 +305,12 @@ def _watched(setup: Setup, state: State) -> float:
     if setup.base_diameter is not None:
         return 2.0 / 3.0 * middle[1]
     return measures.solid_fraction(state.place, setup.area, *middle)
+
+
+def _is_clear(setup: Setup, state: State) -> bool:
+    """Return whether a heap's cylinder has been lifted above all spheres: how it goes on does not matter then."""
+    rim = setup.stages[state.stage].lift * (state.steps - state.stage_began) * setup.time_step
+    return rim > float((state.place[:, 2] + state.place[:, 3]).max())
 
 
 def _calm(setup: Setup, state: State, energy: float) -> bool:

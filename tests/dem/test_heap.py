@@ -204,6 +204,22 @@ def test_the_cylinder_is_lifted_without_local_damping_and_the_heap_rests_without
     assert (lifted.rim, resting.rim, resting.lift) == (0.0, 8.0, 0.0)
 
 
+def test_the_cylinder_is_lifted_until_it_is_clear_of_all_spheres_and_no_farther(small: State) -> None:
+    looks = small.history[:, 0]
+    lifted = small.stage_began * SMALL.time_step
+    assert (small.stage, looks[-1] > lifted) == (2, True)
+    state, began = None, None
+    while state is None or state.stage < 2:
+        before, state = state, simulation.advance(SMALL, state, SMALL.check_steps)
+        began = state.stage_began if state.stage == 1 else began
+    assert before is not None
+    assert state.stage_began == small.stage_began
+    for one, clear in ((before, False), (state, True)):
+        rim = SMALL.lift_speed * (one.steps - began) * SMALL.time_step
+        assert (rim > (one.place[:, 2] + one.place[:, 3]).max()) == clear
+    assert rim < SMALL.lift_height
+
+
 def test_a_heap_gains_no_energy_once_the_cylinder_is_away() -> None:
     setup, state, energies = SMALL, None, []
     while state is None or not state.rest:
