@@ -1,9 +1,11 @@
-"""Specimen → bed → packing density: the only room that calls the engine."""
+"""Specimen → bed → packing density, or angle of repose: the only room that calls the engine."""
+
+import math
 
 import numpy as np
 
 from pdlab import dem
-from pdlab.dem import bed, measures, simulation
+from pdlab.dem import bed, heap, measures, simulation
 from pdlab.dem.jit import fingerprint
 from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import FILL_ABOVE, OWN, Packing, Specimen
@@ -11,6 +13,9 @@ from pdlab.specimen import FILL_ABOVE, OWN, Packing, Specimen
 VERSION = dem.VERSION
 SHARE_WARNING, SHARE_LIMIT = 0.02, 0.05
 """Differences between the slab's shares and the mixture's that are said, and that are refused."""
+
+LEAST_FOOT, LOPSIDED = 0.5, 2.0
+"""Height in diameters below which a heap does not reach its base's edge; standard error, in degrees, that is said."""
 
 State = bed.State
 Progress = simulation.Progress
@@ -24,6 +29,8 @@ def setup(specimen: Specimen) -> bed.Setup:
         way["shake_periods"] = 0
     if protocol.compaction != "rodded":
         way |= {"layers": 1, "drops": 0}
+    if protocol.compaction == "repose":
+        way["lift_height"] = specimen.height
     return bed.Setup(
         diameter=np.array([kind.diameter for kind in kinds]),
         density=np.array([kind.density for kind in kinds]),
@@ -62,17 +69,40 @@ def progress(specimen: Specimen, state: State) -> Progress:
 def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
     """Return what a bed at rest shows; ``seconds``: computing time, kept with the result.
 
-    Raises TooSoft when spheres overlap too much, RunDiverged when a measure is not filled, Segregated when
-    the middle is another mixture.
+    Raises TooSoft when spheres overlap too much, RunDiverged when a measure is not filled or a heap does not cover
+    its base, Segregated when the middle is another mixture.
     """
     whole = setup(specimen)
-    low, high = (0.0, specimen.height) if specimen.height is not None else measures.slab(state.place)
     overlap = measures.largest_overlap(whole, state)
     if overlap > measures.MAX_OVERLAP:
         raise TooSoft(
             f"two spheres overlap by {overlap:.2%} of the smaller diameter, more than the limit of "
             f"{measures.MAX_OVERLAP:.0%}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}"
         )
+    flank = _flank(specimen, whole, state) if specimen.protocol.compaction == "repose" else None
+    rim = specimen.height if flank is None else None
+    low, high = (0.0, rim) if rim is not None else measures.slab(state.place)
+    solids = np.bincount(state.species, measures.solids_between(state.place, low, high), len(specimen.species))
+    shares = tuple(float(share) for share in solids / solids.sum())
+    middle = (low, high) if rim is None else (0.25 * rim, 0.75 * rim)
+    return Packing(
+        digest=specimen.digest(VERSION),
+        packing_density=math.nan if flank is not None else _density(specimen, whole, state, low, high),
+        coordination_number=measures.contacts_per_sphere(whole, state, *middle),
+        height=flank.top if flank is not None else rim or 2.0 * (high - low),
+        slab_shares=shares,
+        largest_overlap=overlap,
+        rest=state.rest,
+        steps=state.steps,
+        seconds=seconds,
+        engine_version=VERSION,
+        warnings=(*_share_warnings(specimen, shares), *_flank_warnings(flank)),
+        repose_angle_deg=flank.angle if flank is not None else None,
+    )
+
+
+def _density(specimen: Specimen, whole: bed.Setup, state: State, low: float, high: float) -> float:
+    """Return the packing density between two planes. Raises RunDiverged when a measure is not filled."""
     density = measures.solid_fraction(state.place, whole.area, low, high)
     if specimen.height is not None:
         above = measures.solid_fraction(state.place, whole.area, high, high + 1e6) * 1e6 / density
@@ -81,22 +111,30 @@ def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
                 f"the fill stands {above:.2f} largest diameters above the rim, less than {FILL_ABOVE:g}; "
                 "plan the measure with in_cylinder"
             )
-    solids = np.bincount(state.species, measures.solids_between(state.place, low, high), len(specimen.species))
-    shares = tuple(float(share) for share in solids / solids.sum())
-    middle = measures.slab(state.place) if specimen.height is None else (0.25 * high, 0.75 * high)
-    return Packing(
-        digest=specimen.digest(VERSION),
-        packing_density=density,
-        coordination_number=measures.contacts_per_sphere(whole, state, *middle),
-        height=2.0 * (high - low) if specimen.height is None else high,
-        slab_shares=shares,
-        largest_overlap=overlap,
-        rest=state.rest,
-        steps=state.steps,
-        seconds=seconds,
-        engine_version=VERSION,
-        warnings=_share_warnings(specimen, shares),
-    )
+    return density
+
+
+def _flank(specimen: Specimen, whole: bed.Setup, state: State) -> heap.Flank:
+    """Return a heap's flank. Raises RunDiverged when it does not cover its base, or stands in the lifted cylinder."""
+    place = state.place - 0.5 * whole.box * np.array([1.0, 1.0, 0.0, 0.0])
+    flank = heap.flank(place, 0.5 * specimen.protocol.base_diameter)
+    if flank.foot < LEAST_FOOT:
+        raise RunDiverged(
+            f"the heap is {flank.foot:.2f} largest diameters high at the edge of its base, less than {LEAST_FOOT:g}; "
+            "pour more spheres"
+        )
+    if flank.top > whole.lift_height:
+        raise RunDiverged(
+            f"the heap stands {flank.top:.1f} largest diameters high, in the cylinder that was lifted by "
+            f"{whole.lift_height:g}; lift it higher"
+        )
+    return flank
+
+
+def _flank_warnings(flank: heap.Flank | None) -> tuple[str, ...]:
+    if flank is None or flank.standard_error <= LOPSIDED:
+        return ()
+    return (f"the heap is lopsided: its sectors' angle is {flank.angle:.1f} ± {flank.standard_error:.1f} degrees",)
 
 
 def _share_warnings(specimen: Specimen, shares: tuple[float, ...]) -> tuple[str, ...]:

@@ -26,6 +26,9 @@ DENSEST_EQUAL = 0.67
 FILL_ABOVE, NARROWEST = 1.5, 3.0
 """Largest diameters by which a fill is to stand above a measure's rim, and the least width and height."""
 MAX_SPHERES = 200_000
+STEEPEST, DENSEST_HEAP, SURPLUS = 45.0, 0.6, 1.1
+"""Angle of repose in degrees up to which a heap is planned, the packing density that it may have, and the spheres
+poured over those that it then needs."""
 SAME_DENSITY = 0.2
 """Two aggregates whose particle densities differ by less than this share are equally dense."""
 SHARE_TOLERANCE = 0.0011
@@ -53,6 +56,7 @@ OWN = {
     "loose": (),
     "rodded": ("layers", "drops", "drop_height", "drop_pause"),
     "vibrated": ("shake_periods", "shake_acceleration", "shake_amplitude"),
+    "repose": ("base_diameter", "lip_height", "lift_speed"),
 }
 """The settings that each compaction has beside the common ones."""
 LIMITS = {
@@ -60,6 +64,7 @@ LIMITS = {
     "cloud_fraction": (0.05, 0.3), "steps_per_collision": (8.0, 1000.0), "wall_friction": (0.0, 10.0),
     "layers": (1, 10), "drops": (0, 1000), "drop_height": (0.01, 10.0), "drop_pause": (0.1, 100.0),
     "shake_periods": (0, 100_000), "shake_acceleration": (0.0, 50.0), "shake_amplitude": (0.001, 5.0),
+    "base_diameter": (12.0, 100.0), "lip_height": (0.5, 5.0), "lift_speed": (0.01, 5.0),
 }  # fmt: skip
 STIFF_DASHPOT, STIFF_STEPS = 0.4, 20.0
 """Restitution below which a bed's dashpots need a shorter step than its springs, and steps that are enough."""
@@ -72,7 +77,9 @@ class Protocol:
     ``compaction``: loose, a cloud falls and settles; rodded, in ``layers`` layers, after each of which
     the container is lifted ``drop_height`` and dropped ``drops`` times, ``drop_pause`` apart; vibrated,
     loose and then ``shake_periods`` of a vertical sine of peak acceleration ``shake_acceleration`` g and
-    amplitude ``shake_amplitude``. ``container``: periodic, no side walls, or cylinder.
+    amplitude ``shake_amplitude``. Repose, the test of the angle of repose: a cylinder is filled as loose and lifted at
+    ``lift_speed``, in sqrt(g d), from a round base of ``base_diameter`` with a lip of ``lip_height`` at its edge; what
+    falls off is taken away. ``container``: periodic, no side walls, or cylinder.
     ``local_damping``: PFC3D's α while spheres are poured and settle, on moments too with
     ``moment_damping``; compaction goes without.
     ``restitution`` of a bounce. ``nominal_overlap``: the bed's weight on its floor over the contact
@@ -99,6 +106,9 @@ class Protocol:
     shake_acceleration: float = 3.0
     shake_amplitude: float = 0.1
     pair_friction: str = "minimum"
+    base_diameter: float = 26.0
+    lip_height: float = 1.0
+    lift_speed: float = 0.05
 
     def __post_init__(self) -> None:
         vocabularies = {"compaction": tuple(OWN), "container": CONTAINERS, "pair_friction": PAIR_FRICTIONS}
@@ -109,7 +119,8 @@ class Protocol:
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise ProtocolError(f"{name} {value:g} lies outside [{low:g}, {high:g}]; choose a value inside")
-
+        if self.compaction == "repose" and self.container != "cylinder":
+            raise ProtocolError(f"a heap is not made in a {self.container} container; lift a cylinder")
         if self.restitution < STIFF_DASHPOT and self.steps_per_collision < STIFF_STEPS:
             raise ProtocolError(
                 f"restitution {self.restitution:g} at {self.steps_per_collision:g} steps per collision: below "
@@ -122,7 +133,8 @@ class Protocol:
         return {n: getattr(self, n) for n in ("compaction", "container", *COMMON, *OWN[self.compaction], *pair)}
 
 
-LOOSE, RODDED, VIBRATED = (Protocol(compaction) for compaction in OWN)
+LOOSE, RODDED, VIBRATED = (Protocol(compaction) for compaction in ("loose", "rodded", "vibrated"))
+REPOSE = Protocol("repose", "cylinder")
 
 
 def protocol_of(compaction: str) -> Protocol:
@@ -149,7 +161,7 @@ class Specimen:
     """A bed to be simulated: species from coarse to fine, and the seed.
 
     ``width`` of the periodic box, or inner diameter of the cylinder, in largest diameters; ``height``: of
-    the cylinder's rim above its floor, None without one.
+    the cylinder's rim above its floor, or to which a heap's cylinder is lifted, None without one.
     """
 
     species: tuple[Species, ...]
@@ -208,8 +220,8 @@ class Packing:
 
     ``packing_density`` of the bed's middle half, or of a cylinder up to its rim; ``coordination_number``:
     contacts per sphere there, rattlers included; ``height`` in largest diameters; ``slab_shares`` (S,) of
-    the solids there;
-    ``largest_overlap`` over the smaller diameter; ``rest``: still or creeping.
+    the solids there; ``largest_overlap`` over the smaller diameter; ``rest``: still or creeping.
+    ``repose_angle_deg``: a heap's angle of repose [degrees], None of what is no heap; a heap's packing density is NaN.
     """
 
     digest: str
@@ -223,12 +235,31 @@ class Packing:
     seconds: float
     engine_version: int
     warnings: tuple[str, ...] = field(default=())
+    repose_angle_deg: float | None = None
 
 
 def equal_spheres(friction: float, seed: int, protocol: Protocol = LOOSE, rolling: float = 0.0) -> Specimen:
     """Return a periodic bed of equal spheres of one ``friction`` and one ``rolling`` coefficient [-]."""
     one = Species(1.0, on_grid(friction), EQUAL_SPHERES, rolling=on_grid(rolling))
     return Specimen((one,), EQUAL_WIDTH, seed, protocol)
+
+
+def heap_spheres(
+    friction: float, seed: int, rolling: float = 0.0, wall_friction: float | None = None, protocol: Protocol = REPOSE
+) -> Specimen:
+    """Return the heap of equal spheres of one ``friction``, whose angle of repose is asked for.
+
+    ``rolling`` [-]; ``wall_friction`` of base, lip and cylinder [-], None for the protocol's. The cylinder is half as
+    wide as the base, and filled with more than a heap of the steepest slope takes. Raises ProtocolError.
+    """
+    if wall_friction is not None:
+        protocol = replace(protocol, wall_friction=on_grid(wall_friction))
+    radius, steepest = 0.5 * protocol.base_diameter, math.tan(math.radians(STEEPEST))
+    heap = math.pi * radius**2 * (protocol.lip_height + radius * steepest / 3.0)
+    count = math.ceil(SURPLUS * DENSEST_HEAP * heap / (math.pi / 6.0))
+    one = Species(1.0, on_grid(friction), count, rolling=on_grid(rolling))
+    height = on_grid(protocol.lip_height + radius * steepest)
+    return Specimen((one,), on_grid(radius), seed, protocol, height)
 
 
 @dataclass(frozen=True)

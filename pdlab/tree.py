@@ -80,7 +80,9 @@ def _of_calibration(facts: Facts) -> str:
 def _coefficient(facts: Facts) -> str:
     """Return friction, or rolling friction where that was calibrated, with its interval."""
     name = "friction" if facts["rolling_friction"] is None else "rolling_friction"
-    low, high = ("open" if facts[f"{name}_{end}"] is None else f"{facts[f'{name}_{end}']:.4g}" for end in ("low", "high"))
+    low, high = (
+        "open" if facts[f"{name}_{end}"] is None else f"{facts[f'{name}_{end}']:.4g}" for end in ("low", "high")
+    )
     held = "" if name == "friction" else f"friction {facts['friction']:.4g}, "
     return f"{held}{name.replace('_', ' ')} {facts[name]:.4g} ({low} to {high})"
 

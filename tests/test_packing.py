@@ -8,14 +8,20 @@ import pytest
 from pdlab import packing
 from pdlab.dem.neighbors import no_pairs
 from pdlab.errors import RunDiverged, Segregated, TooSoft
-from pdlab.specimen import Component, Protocol, Species, Specimen, in_cylinder
+from pdlab.specimen import REPOSE, Component, Protocol, Species, Specimen, heap_spheres, in_cylinder
 
+HEAP = heap_spheres(0.3, 1, protocol=replace(REPOSE, base_diameter=14.0, lift_speed=0.5))
 MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 2)
 
 
 @pytest.fixture(scope="module")
 def bed() -> packing.State:
     return packing.advance(MIXED, None, 10**9)
+
+
+@pytest.fixture(scope="module")
+def heaped() -> packing.State:
+    return packing.advance(HEAP, None, 10**9)
 
 
 def sunk(bed: packing.State, count: int) -> packing.State:
@@ -72,3 +78,42 @@ def test_a_measure_that_is_not_filled_is_refused() -> None:
     bed = packing.advance(sparse, None, 10**9)
     with pytest.raises(RunDiverged, match=r"stands .* largest diameters above the rim, less than 1.5"):
         packing.measure(sparse, bed, 1.0)
+
+
+def test_a_heap_reports_its_angle_and_no_packing_density(heaped: packing.State) -> None:
+    out = packing.measure(HEAP, heaped, 1.0)
+    assert out.repose_angle_deg is not None
+    assert 10.0 < out.repose_angle_deg < 25.0
+    assert np.isnan(out.packing_density)
+    # from the lip, a diameter high, the flank rises to the top
+    assert out.height == pytest.approx(1.0 + 7.0 * np.tan(np.radians(out.repose_angle_deg)), abs=1.0)
+    assert out.slab_shares == (1.0,)
+    assert 3.5 < out.coordination_number < 6.0
+    assert heaped.species.size < HEAP.spheres
+
+
+def test_a_packing_has_no_angle_of_repose(bed: packing.State) -> None:
+    assert packing.measure(MIXED, bed, 1.0).repose_angle_deg is None
+
+
+def test_a_heap_that_does_not_cover_its_base_is_refused(heaped: packing.State) -> None:
+    off = np.hypot(*(heaped.place[:, :2] - 0.5 * packing.setup(HEAP).box).T)
+    place = np.where((off > 5.5)[:, None] & (np.arange(4) == 2), -5.0, heaped.place)
+    with pytest.raises(RunDiverged, match=r"0.00 largest diameters high at the edge of its base, less than 0.5; pour"):
+        packing.measure(HEAP, replace(heaped, place=place, pairs=no_pairs()), 1.0)
+
+
+def test_a_heap_that_still_stands_in_its_cylinder_is_refused(heaped: packing.State) -> None:
+    place = heaped.place.copy()
+    place[0, :3] = 0.5 * packing.setup(HEAP).box, 0.5 * packing.setup(HEAP).box, 8.0
+    with pytest.raises(RunDiverged, match=r"stands 8.5 largest diameters high, in the cylinder that was lifted by 8;"):
+        packing.measure(HEAP, replace(heaped, place=place, pairs=no_pairs()), 1.0)
+
+
+def test_a_lopsided_heap_is_said(heaped: packing.State) -> None:
+    place = heaped.place.copy()
+    place[:, 2] += 0.8 * np.maximum(place[:, 0] - 0.5 * packing.setup(HEAP).box - 2.0, 0.0)
+    place[:, 2] = np.minimum(place[:, 2], 7.0)
+    out = packing.measure(HEAP, replace(heaped, place=place, pairs=no_pairs()), 1.0)
+    assert any("the heap is lopsided" in warning for warning in out.warnings)
+    assert packing.measure(HEAP, heaped, 1.0).warnings == ()

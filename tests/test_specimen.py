@@ -9,6 +9,7 @@ import pytest
 from pdlab.errors import ProtocolError, ShareError, SpecimenTooLarge
 from pdlab.specimen import (
     LOOSE,
+    REPOSE,
     RODDED,
     VIBRATED,
     Component,
@@ -18,6 +19,7 @@ from pdlab.specimen import (
     components,
     equal_spheres,
     from_canonical,
+    heap_spheres,
     in_cylinder,
     mixed_spheres,
     on_grid,
@@ -98,6 +100,28 @@ def test_a_cylinder_has_a_height_and_a_periodic_box_has_none(container: str, hei
         Specimen((Species(1.0, 0.3, 100),), 10.0, 1, Protocol(container=container), height)
 
 
+def test_a_heap_is_planned_with_more_than_its_steepest_slope_takes() -> None:
+    for base in (20.0, 26.0, 40.0):
+        heap = heap_spheres(0.30001, 1, 0.1, protocol=replace(REPOSE, base_diameter=base))
+        assert (heap.width, heap.height) == (0.5 * base, 0.5 * base + 1.0)  # 45 degrees over a lip of one diameter
+        cone = math.pi * (0.5 * base) ** 2 * (1.0 + 0.5 * base / 3.0)
+        assert heap.spheres * math.pi / 6.0 == pytest.approx(1.1 * 0.6 * cone, rel=1e-3)
+        assert heap.species[0].friction == 0.3
+        assert heap.species[0].rolling == 0.1
+
+
+def test_a_heap_has_its_own_settings_and_its_own_walls() -> None:
+    heap = heap_spheres(0.3, 1)
+    others = [heap_spheres(0.3, 1, protocol=replace(REPOSE, **{name: value})) for name, value in
+              (("base_diameter", 27.0), ("lip_height", 1.5), ("lift_speed", 0.1))]  # fmt: skip
+    others += [heap_spheres(0.3, 1, wall_friction=0.2), heap_spheres(0.3, 2), heap_spheres(0.3, 1, 0.2)]
+    assert len({one.digest(3) for one in [heap, *others]}) == 7
+    assert heap_spheres(0.3, 1, wall_friction=0.3).digest(3) == heap.digest(3)  # the smallest present is the default
+    assert from_canonical(heap.canonical(3)).digest(3) == heap.digest(3)
+    settings = json.loads(equal_spheres(0.3, 1).canonical(3))["protocol"]
+    assert not {"base_diameter", "lip_height", "lift_speed"} & settings.keys()
+
+
 def test_only_settings_of_its_own_compaction_tell_two_protocols_apart() -> None:
     assert equal_spheres(0.3, 1, Protocol(drops=3)).digest(1) == equal_spheres(0.3, 1).digest(1)
     assert equal_spheres(0.3, 1, Protocol("rodded", drops=3)).digest(1) != equal_spheres(0.3, 1, RODDED).digest(1)
@@ -160,6 +184,9 @@ def test_shares_that_are_no_proportions_are_refused(shares: tuple[float, float])
         {"restitution": 0.0},
         {"restitution": 0.3},
         {"pair_friction": "largest"},
+        {"compaction": "repose"},
+        {"compaction": "repose", "container": "cylinder", "lip_height": 0.1},
+        {"compaction": "repose", "container": "cylinder", "lift_speed": 0.0},
     ],
 )
 def test_a_protocol_outside_its_limits_is_refused(change: dict[str, object]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from pdlab.dem import contact, insertion, integrator, neighbors, walls
 from pdlab.dem.neighbors import PairList
 from pdlab.dem.simd import PAIRS
-from pdlab.dem.walls import WallList
+from pdlab.dem.walls import Container, WallList
 from pdlab.errors import RunDiverged
 
 CHECK_EVERY = 0.5
@@ -21,6 +21,10 @@ SOFT_RATIO = 1.5
 """Size ratio beyond which contacts are made stiffer."""
 MARGIN = 3.0
 """Free width of the box that a cylinder stands in, in largest diameters."""
+SURROUNDINGS = 20.0
+"""The same around a heap's base: what flies off must fall past the base's next image."""
+FALLEN = 1.0
+"""Largest diameters below its base, or beyond the edge, at which a sphere has left a heap for good."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,8 @@ class Stage:
     ``duration``: time, None until the bed rests. ``layer``: which layer of spheres is poured in at the
     beginning, None for none. ``damping``: local damping α. ``gravity``: factor of gravity, 0 in free
     fall. ``kick``: velocity along gravity that all spheres get at the beginning. ``swing`` and
-    ``frequency``: peak acceleration over g of a vertical sine, and its angular frequency.
+    ``frequency``: peak acceleration over g of a vertical sine, and its angular frequency. ``rim`` and
+    ``lift``: height of a heap's cylinder above its base at the beginning, and the speed at which it rises.
     """
 
     duration: float | None = None
@@ -40,6 +45,8 @@ class Stage:
     kick: float = 0.0
     swing: float = 0.0
     frequency: float = 0.0
+    rim: float = 0.0
+    lift: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -56,6 +63,9 @@ class Setup:
     The spheres fall in ``layers`` layers. After each the container is lifted ``drop_height`` and dropped
     ``drops`` times, with ``drop_pause`` between; after the last it is shaken for ``shake_periods`` at a
     peak acceleration of ``shake_acceleration`` g and an amplitude of ``shake_amplitude``.
+
+    With a ``base_diameter`` the cylinder stands on a round base with a lip of ``lip_height`` at its edge, and is
+    lifted by ``lift_height`` at ``lift_speed``: a heap forms, and what falls off the base is taken away.
     """
 
     diameter: np.ndarray
@@ -81,6 +91,10 @@ class Setup:
     shake_acceleration: float = 3.0
     shake_amplitude: float = 0.1
     pair_friction: str = "minimum"
+    base_diameter: float | None = None
+    lip_height: float = 1.0
+    lift_height: float = 0.0
+    lift_speed: float = 0.05
     gravity: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, -1.0]))
     rotation_held: bool = False
 
@@ -104,6 +118,8 @@ class Setup:
     @cached_property
     def box(self) -> float:
         """Width of the periodic box, which for a cylinder keeps its images out of reach."""
+        if self.base_diameter is not None:
+            return self.base_diameter + SURROUNDINGS
         return self.width + MARGIN if self.cylinder else self.width
 
     @cached_property
@@ -183,7 +199,15 @@ class Setup:
             way.append(Stage(lasting, swing=self.shake_acceleration, frequency=frequency))
         if way[-1].duration is not None:
             way.append(Stage(damping=self.local_damping))
+        if self.base_diameter is not None:
+            way += [Stage(self.lift_height / self.lift_speed, lift=self.lift_speed), Stage(rim=self.lift_height)]
         return tuple(way)
+
+    def container(self, stage: Stage) -> Container:
+        """Return the walls in a stage."""
+        if self.base_diameter is None:
+            return Container(self.wall_radius)
+        return Container(math.inf, self.wall_radius, stage.lift, 0.5 * self.base_diameter, self.lip_height)
 
     def layer_counts(self, layer: int) -> np.ndarray:
         """Spheres of each species that the layer brings, shape (S,)."""
@@ -279,12 +303,28 @@ def in_order(setup: Setup, state: State) -> State:
     The bed is cut into its parts along x, each of as many spheres, these into columns along y, and a
     column's spheres stand from below. The list is stale then.
     """
-    order = by_place(setup, state.place)
-    rank = np.empty_like(order)
+    return _only(setup, state, by_place(setup, state.place))
+
+
+def without_fallen(setup: Setup, state: State) -> State:
+    """Return the bed without the spheres that have fallen off a heap's base."""
+    if setup.base_diameter is None:
+        return state
+    x, y, z = state.place[:, :3].T
+    off = np.hypot(x - 0.5 * setup.box, y - 0.5 * setup.box)
+    fallen = (off > 0.5 * setup.base_diameter + FALLEN) | (z < -FALLEN)
+    return _only(setup, state, np.flatnonzero(~fallen)) if fallen.any() else state
+
+
+def _only(setup: Setup, state: State, order: np.ndarray) -> State:
+    """Return the bed with the spheres of these numbers alone, in this ``order`` (M,), and a stale list."""
+    rank = np.full(len(state.species), -1)
     rank[order] = np.arange(order.size)
     pairs, near = state.pairs, state.near
     owner, neighbor = rank[pairs.owner], rank[pairs.neighbor]
-    sign = np.where(owner < neighbor, 1.0, -1.0)  # what acts on i acts the other way on j
+    kept = (owner >= 0) & (neighbor >= 0)
+    owner, neighbor = np.where(kept, owner, 0), np.where(kept, neighbor, 0)
+    sign = np.where(owner < neighbor, 1.0, -1.0) * kept  # what acts on i acts the other way on j
     signs = np.resize(np.repeat(sign.reshape(-1, 1, PAIRS), 3, axis=1), pairs.spring.size)
     count = np.diff(near.first)[order]
     first = np.concatenate([[0], np.cumsum(count)])
@@ -294,7 +334,7 @@ def in_order(setup: Setup, state: State) -> State:
         load=state.load[order], origin=state.origin[order],
         pairs=pairs._replace(
             owner=np.minimum(owner, neighbor).astype(np.uint32), neighbor=np.maximum(owner, neighbor).astype(np.uint32),
-            spring=pairs.spring * signs,
+            kind=np.where(kept, pairs.kind, setup.diameter.size**2).astype(np.uint32), spring=pairs.spring * signs,
         ),
         near=WallList(first, near.wall[entry], near.spring[entry]),
     )  # fmt: skip

@@ -19,7 +19,7 @@ def time_step(law: np.ndarray, mass: np.ndarray, zeta: float, steps_per_collisio
 
 
 @kernel
-def wall_loads(first, last, place, motion, species, law, near, width, radius, dt, loads):  # type: ignore[no-untyped-def]
+def wall_loads(first, last, place, motion, species, law, near, width, container, rim, dt, loads):  # type: ignore[no-untyped-def]
     """Set the loads of the spheres from ``first`` up to ``last`` to what the walls do: mostly nothing.
 
     Arrays flat, as in ``walls.wall_load``.
@@ -28,7 +28,7 @@ def wall_loads(first, last, place, motion, species, law, near, width, radius, dt
         store(loads, 8 * i, spread(0.0))
         store(loads, 8 * i + 4, spread(0.0))
         if near.first[i] < near.first[i + 1]:
-            fx, fy, fz, tx, ty, tz = wall_load(i, place, motion, law[species[i]], near, width, radius, dt)
+            fx, fy, fz, tx, ty, tz = wall_load(i, place, motion, law[species[i]], near, width, container, rim, dt)
             store(loads, 8 * i, quad(fx, fy, fz, 0.0))
             store(loads, 8 * i + 4, quad(tx, ty, tz, 0.0))
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 
 from pdlab.dem import contact, integrator, measures, neighbors, walls
-from pdlab.dem.bed import Setup, Stage, State, in_order, pour, start
+from pdlab.dem.bed import Setup, Stage, State, in_order, pour, start, without_fallen
 from pdlab.dem.jit import alone_and_shared, kernel
 from pdlab.errors import InputError, NotAtRest, RunDiverged
 
@@ -49,10 +49,10 @@ def advance(setup: Setup, state: State | None, steps: int, threads: int = 1) -> 
         over = stage_end(setup, state)
         state = march(setup, state, min(end, over, (state.steps // check + 1) * check) - state.steps, threads)
         if state.steps % check == 0:
-            state = look(setup, state)
+            state = look(setup, without_fallen(setup, state))
             if state.steps % (SORT_EVERY * check) == 0:
                 state = in_order(setup, state)
-        if state.steps == over:
+        if state.steps == stage_end(setup, state):
             state = next_stage(setup, state)
     return state
 
@@ -144,9 +144,9 @@ def _call(setup: Setup, stage: Stage, state: State, steps: int, threads: int | N
         _march(
             steps, setup.time_step, stage.gravity * setup.gravity, stage.swing, stage.frequency * setup.time_step,
             state.steps - state.stage_began, stage.damping,
-            stage.damping if setup.moment_damping else 0.0, setup.box, setup.wall_radius, law, at_walls, setup.body,
-            state.species, kinds, classes[state.species], int(classes.max()) + 1, SKIN * float(setup.diameter.min()),
-            setup.parts, state.place, state.motion, state.load, state.origin,
+            stage.damping if setup.moment_damping else 0.0, setup.box, setup.container(stage), stage.rim, law, at_walls,
+            setup.body, state.species, kinds, classes[state.species], int(classes.max()) + 1,
+            SKIN * float(setup.diameter.min()), setup.parts, state.place, state.motion, state.load, state.origin,
             pairs._replace(spring=pairs.spring.copy(), touched=pairs.touched.copy()),
             near._replace(spring=near.spring.copy()), state.stale,
             None if setup.rolling is None else True, threads,
@@ -156,12 +156,13 @@ def _call(setup: Setup, stage: Stage, state: State, steps: int, threads: int | N
 
 @kernel
 def _march(  # type: ignore[no-untyped-def]
-    steps, dt, gravity, swing, turn, begun, alpha, beta, width, radius, law, wall_law, body, species, kinds, sizes,
-    classes, skin, parts, place, motion, load, origin, pairs, near, stale, rolling, threads,
+    steps, dt, gravity, swing, turn, begun, alpha, beta, width, container, rim, law, wall_law, body, species, kinds,
+    sizes, classes, skin, parts, place, motion, load, origin, pairs, near, stale, rolling, threads,
 ):  # fmt: skip
     """Run the time loop; return what changed, whether the list is stale, and a lost sphere or -1.
 
-    ``swing``, ``turn``, ``begun``: gravity's factor is 1 + swing sin(turn (begun + k)) at step k.
+    ``swing``, ``turn``, ``begun``: gravity's factor is 1 + swing sin(turn (begun + k)) at step k. ``container``:
+    a ``walls.Container``, whose sleeve's rim was at the height ``rim`` at step -begun.
     ``alpha``, ``beta``: local damping of forces and of moments. ``rolling``: None where nothing resists
     rolling. ``parts``: of the bed; those and the borders between them may be worked on at once.
     ``threads``: None, or how many do.
@@ -173,8 +174,9 @@ def _march(  # type: ignore[no-untyped-def]
     )  # fmt: skip
     late = np.zeros(parts, np.bool_)
     for step in range(steps):
+        edge = rim + container.speed * dt * (begun + step)
         if stale:
-            lost = lost_sphere(place, width, radius)
+            lost = lost_sphere(place, width, container)
             if lost >= 0:
                 return place, motion, load, origin, pairs, near, stale, lost
             walls.wrap(place, width)
@@ -187,25 +189,25 @@ def _march(  # type: ignore[no-untyped-def]
             pairs = neighbors.verlet_list(
                 place, allowance, species, kinds, sizes, classes, width, parts, springs, pairs, threads
             )
-            near = walls.wall_list(place, allowance, width, radius, near)
+            near = walls.wall_list(place, allowance, width, container, edge, near)
         factor = 1.0 + swing * math.sin(turn * (begun + step))
         gx, gy, gz = factor * gravity[0], factor * gravity[1], factor * gravity[2]
         if threads is None:
             step_alone(
-                parts, flat_place, flat_motion, species, body, flat_law, wall_law, width, radius, pairs, near, rolling,
-                gx, gy, gz, alpha, beta, dt, flat_origin, flat_load, late,
+                parts, flat_place, flat_motion, species, body, flat_law, wall_law, width, container, edge, pairs, near,
+                rolling, gx, gy, gz, alpha, beta, dt, flat_origin, flat_load, late,
             )  # fmt: skip
         else:
             step_shared(
-                parts, flat_place, flat_motion, species, body, flat_law, wall_law, width, radius, pairs, near, rolling,
-                gx, gy, gz, alpha, beta, dt, flat_origin, flat_load, late,
+                parts, flat_place, flat_motion, species, body, flat_law, wall_law, width, container, edge, pairs, near,
+                rolling, gx, gy, gz, alpha, beta, dt, flat_origin, flat_load, late,
             )  # fmt: skip
         stale = late.any()
     return place, motion, load, origin, pairs, near, stale, -1
 
 
 def _one_step(  # type: ignore[no-untyped-def]
-    parts, place, motion, species, body, law, wall_law, width, radius, pairs, near, rolling,
+    parts, place, motion, species, body, law, wall_law, width, container, edge, pairs, near, rolling,
     gx, gy, gz, alpha, beta, dt, origin, load, late,
 ):  # fmt: skip
     """Take one step; ``late`` (parts,): whose spheres went farther than the list allows. Arrays flat.
@@ -216,8 +218,9 @@ def _one_step(  # type: ignore[no-untyped-def]
     n = species.size
     for part in prange(parts):
         integrator.wall_loads(
-            n * part // parts, n * (part + 1) // parts, place, motion, species, wall_law, near, width, radius, dt, load
-        )
+            n * part // parts, n * (part + 1) // parts, place, motion, species, wall_law, near, width, container, edge,
+            dt, load,
+        )  # fmt: skip
         contact.add_pair_loads(
             pairs.begin[part], pairs.begin[part + 1], place, motion, law, width, pairs, rolling, dt, load
         )
@@ -244,11 +247,16 @@ step_alone, step_shared = alone_and_shared(_one_step)
 
 
 @kernel
-def lost_sphere(place, width, radius):  # type: ignore[no-untyped-def]
-    """Return a sphere that is no number, or whose centre lies outside the container, or -1."""
+def lost_sphere(place, width, container):  # type: ignore[no-untyped-def]
+    """Return a sphere that is no number, or whose centre lies outside the container, or -1.
+
+    What has fallen off the floor's edge is not lost.
+    """
     for i in range(place.shape[0]):
         x, y, z, r = place[i, 0] - 0.5 * width, place[i, 1] - 0.5 * width, place[i, 2], place[i, 3]
-        if not (-r < z < 1e6 and abs(x) < 1e6 and abs(y) < 1e6 and math.sqrt(x * x + y * y) < radius + r):
+        off = math.sqrt(x * x + y * y)
+        above = z > -r or off > container.base
+        if not (above and abs(z) < 1e6 and abs(x) < 1e6 and abs(y) < 1e6 and off < container.side + r):
             return i
     return -1
 
@@ -257,14 +265,14 @@ def look(setup: Setup, state: State) -> State:
     """Return the state with this look's verdict on its rest. Raises NotAtRest.
 
     Still: twice in a row, not before the fall time, hardly any kinetic energy and forces in balance.
-    Creeping: the middle's PD moved by less than 2e-4 over 20 sqrt(d/g) at little energy. A bed that
-    rests before its test is over goes on to the next stage.
+    Creeping: the middle's PD, of a heap its centre of mass, moved by less than 2e-4 over 20 sqrt(d/g) at little
+    energy. A bed that rests before its test is over goes on to the next stage, a heap once its cylinder is clear of it.
     """
     stage, time = setup.stages[state.stage], state.steps * setup.time_step
-    middle = measures.slab(state.place)
-    history = np.vstack([state.history, [time, measures.solid_fraction(state.place, setup.area, *middle)]])
+    history = np.vstack([state.history, [time, _watched(setup, state)]])
     if stage.duration is not None:
-        return replace(state, history=history)
+        state = replace(state, history=history)
+        return next_stage(setup, state) if _is_clear(setup, state) else state
     energy = _energy(setup, state)
     spent = (state.steps - state.stage_began) * setup.time_step
     fallen = setup.fall_time if stage.layer is not None else 0.0
@@ -289,6 +297,20 @@ def look(setup: Setup, state: State) -> State:
             state,
         )
     return state
+
+
+def _watched(setup: Setup, state: State) -> float:
+    """Return what a bed that creeps does not change: the middle's PD; of a heap, how high its solids lie."""
+    middle = measures.slab(state.place)
+    if setup.base_diameter is not None:
+        return 2.0 / 3.0 * middle[1]
+    return measures.solid_fraction(state.place, setup.area, *middle)
+
+
+def _is_clear(setup: Setup, state: State) -> bool:
+    """Return whether a heap's cylinder has been lifted above all spheres: how it goes on does not matter then."""
+    rim = setup.stages[state.stage].lift * (state.steps - state.stage_began) * setup.time_step
+    return rim > float((state.place[:, 2] + state.place[:, 3]).max())
 
 
 def _calm(setup: Setup, state: State, energy: float) -> bool:

@@ -1,4 +1,4 @@
-"""What bounds a bed: the floor at z = 0, the side of a cylinder, the laterally periodic box."""
+"""What bounds a bed: the floor at z = 0, a closed cylinder or an open one, the laterally periodic box."""
 
 import math
 from typing import NamedTuple
@@ -6,20 +6,35 @@ from typing import NamedTuple
 import numpy as np
 
 from pdlab.dem.contact import contact_force
-from pdlab.dem.jit import kernel
+from pdlab.dem.jit import inlined, kernel
 
-FLOOR, SIDE = 0, 1
+FLOOR, SIDE, SLEEVE, LIP = range(4)
 
 
 class WallList(NamedTuple):
     """Who may touch a wall: of sphere i the entries from ``first[i]`` to ``first[i + 1]``.
 
-    ``wall`` (C,): FLOOR or SIDE. ``spring`` (C, 3): the tangential spring's force on the sphere.
+    ``wall`` (C,): FLOOR, SIDE, SLEEVE or LIP. ``spring`` (C, 3): the tangential spring's force on the sphere.
     """
 
     first: np.ndarray
     wall: np.ndarray
     spring: np.ndarray
+
+
+class Container(NamedTuple):
+    """The walls, which stand about the axis in the middle of the box; radii are infinite where there is none.
+
+    ``side``: radius of a closed cylinder. ``sleeve``: of a thin one that is open below its rim, where spheres
+    pass; it rises at ``speed``. ``base``: of the floor, beyond which spheres fall. ``lip``: height of the
+    thin wall at the floor's edge, which goes down from there.
+    """
+
+    side: float = math.inf
+    sleeve: float = math.inf
+    speed: float = 0.0
+    base: float = math.inf
+    lip: float = 0.0
 
 
 def no_walls(spheres: int) -> WallList:
@@ -28,20 +43,19 @@ def no_walls(spheres: int) -> WallList:
 
 
 @kernel
-def wall_list(place, allowance, width, radius, old):  # type: ignore[no-untyped-def]
+def wall_list(place, allowance, width, container, rim, old):  # type: ignore[no-untyped-def]
     """Return the ``WallList`` of a bed, springs carried over from the ``old`` one.
 
-    ``place`` (N, 4), ``allowance`` (N,). ``radius``: of the cylinder whose axis stands in the middle of
-    the box of ``width``; infinite where there is none.
+    ``place`` (N, 4), ``allowance`` (N,). ``container``: a ``Container`` in the middle of the box of
+    ``width``; ``rim``: height of its sleeve's, which only rises, away from all spheres.
     """
     n, count = place.shape[0], 0
-    first, wall, spring = np.zeros(n + 1, np.int64), np.empty(2 * n, np.uint8), np.zeros((2 * n, 3))
+    first, wall, spring = np.zeros(n + 1, np.int64), np.empty(4 * n, np.uint8), np.zeros((4 * n, 3))
     for i in range(n):
         reach = place[i, 3] + allowance[i]
         x, y = place[i, 0] - 0.5 * width, place[i, 1] - 0.5 * width
-        for which in (FLOOR, SIDE):
-            gap = place[i, 2] if which == FLOOR else radius - math.sqrt(x * x + y * y)
-            if gap < reach:
+        for which in (FLOOR, SIDE, SLEEVE, LIP):
+            if gap(which, math.sqrt(x * x + y * y), place[i, 2], container, rim) < reach:
                 wall[count] = which
                 for k in range(old.first[i], old.first[i + 1]):
                     if old.wall[k] == which:
@@ -51,32 +65,63 @@ def wall_list(place, allowance, width, radius, old):  # type: ignore[no-untyped-
     return WallList(first, wall[:count].copy(), spring[:count].copy())
 
 
+@inlined
+def gap(which, off, z, container, rim):  # type: ignore[no-untyped-def]
+    """Return how far a centre, ``off`` the axis and at height ``z``, is from a wall, the floor without its edge."""
+    if which == FLOOR:
+        return z
+    if which == SIDE:
+        return container.side - off
+    out, over, _ = beside(which, off, z, container, rim)
+    return math.sqrt(out * out + over * over)
+
+
+@inlined
+def beside(which, off, z, container, rim):  # type: ignore[no-untyped-def]
+    """Return how far a centre is outward of and above the nearest point of a thin wall, and how fast that rises."""
+    if which == SLEEVE:
+        return off - container.sleeve, min(z - rim, 0.0), container.speed
+    return off - container.base, max(z - container.lip, 0.0), 0.0
+
+
+@inlined
+def facing(which, x, y, z, container, rim):  # type: ignore[no-untyped-def]
+    """Return the normal (3) from a wall to a centre at x, y from the axis, and the wall's speed upward."""
+    off = math.sqrt(x * x + y * y)
+    if which == FLOOR:
+        return 0.0, 0.0, 1.0, 0.0
+    if which == SIDE:
+        return -x / off, -y / off, 0.0, 0.0
+    out, over, up = beside(which, off, z, container, rim)
+    apart = math.sqrt(out * out + over * over)
+    return out / apart * (x / off), out / apart * (y / off), over / apart, up
+
+
 @kernel
-def wall_load(i, place, motion, law, near, width, radius, dt):  # type: ignore[no-untyped-def]
+def wall_load(i, place, motion, law, near, width, container, rim, dt):  # type: ignore[no-untyped-def]
     """Return force (3) and torque (3) of the walls on sphere ``i``.
 
     ``place`` and ``motion`` flat, as in ``contact.eight_pairs``; ``law``: the walls' row of four for
-    this sphere's species, its first number at ``law[0]``. The walls are rigid and still.
+    this sphere's species, its first number at ``law[0]``. The walls are rigid, and still but for a rising sleeve.
+    A thin wall pushes from both of its sides, and from its edge.
     """
     p, m = 4 * i, 8 * i
     r = place[p + 3]
     fx, fy, fz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(near.first[i], near.first[i + 1]):
-        nx, ny, nz, delta = 0.0, 0.0, 1.0, r - place[p + 2]
-        if near.wall[k] == SIDE:
-            x, y = place[p] - 0.5 * width, place[p + 1] - 0.5 * width
-            off = math.sqrt(x * x + y * y)
-            delta = r - (radius - off)
-            nx, ny, nz = -x / off, -y / off, 0.0
-        if delta <= 0.0:
+        which, x, y, z = near.wall[k], place[p] - 0.5 * width, place[p + 1] - 0.5 * width, place[p + 2]
+        off = math.sqrt(x * x + y * y)
+        delta = r - gap(which, off, z, container, rim)
+        if delta <= 0.0 or (which == FLOOR and off > container.base):
             near.spring[k, 0] = near.spring[k, 1] = near.spring[k, 2] = 0.0
             continue
+        nx, ny, nz, up = facing(which, x, y, z, container, rim)
         wx, wy, wz = r * motion[m + 4], r * motion[m + 5], r * motion[m + 6]
         fn, gx, gy, gz, sx, sy, sz = contact_force(
             delta, nx, ny, nz,
             motion[m] - (wy * nz - wz * ny),
             motion[m + 1] - (wz * nx - wx * nz),
-            motion[m + 2] - (wx * ny - wy * nx),
+            motion[m + 2] - up - (wx * ny - wy * nx),
             near.spring[k, 0], near.spring[k, 1], near.spring[k, 2],
             law[0], law[1], law[2], dt,
         )  # fmt: skip
