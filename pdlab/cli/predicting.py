@@ -1,7 +1,7 @@
 """Verbs that simulate: demo, calibrate, predict."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,13 +35,21 @@ def _show_calibrations(reports: Sequence["CalibrationReport"]) -> None:
     done = [report for report in reports if report.result is not None]
     for method in dict.fromkeys(report.method for report in done):
         _show_method(method, [report for report in done if report.method == method])
-    notes: dict[str, list[str]] = {}
-    for report in reports:
-        for text in (*(report.result.warnings if report.result else ()), report.choice):
-            if text:
-                notes.setdefault(text, []).append(report.aggregate)
-    for text, names in notes.items():
-        print(f"note: {', '.join(names)}: {text}")
+    _print_notes(
+        (report.aggregate, text)
+        for report in reports
+        for text in (*(report.result.warnings if report.result else ()), report.choice)
+    )
+
+
+def _print_notes(notes: Iterable[tuple[str, str]]) -> None:
+    """Print what is to be said, each text once with all that it is said of."""
+    names: dict[str, list[str]] = {}
+    for name, text in notes:
+        if text:
+            names.setdefault(text, []).append(name)
+    for text, all_of_it in names.items():
+        print(f"note: {', '.join(all_of_it)}: {text}")
 
 
 def _show_method(method: str, reports: Sequence["CalibrationReport"]) -> None:
@@ -93,9 +101,7 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
         print(
             f"mean absolute error over {len(compared)} mixtures: {own:.4f} (volume mean of the aggregates: {plain:.4f})"
         )
-    for report in reports:
-        if report.message and report.error is None:
-            print(f"note: {report.mixture}: {report.message}")
+    _print_notes((report.mixture, text) for report in reports if report.error is None for text in report.notes)
 
 
 def demo(store: Store = None, workers: Workers = None) -> None:

@@ -34,10 +34,15 @@ class PredictionReport:
     volume_mean: float | None = None
     seeds: int | None = None
     state: str = "done"
-    message: str = ""
+    notes: tuple[str, ...] = ()
     prediction_id: int | None = None
     engine_version: int | None = None
     error: PdlabError | None = None
+
+    @property
+    def message(self) -> str:
+        """What there is to say of it: why there is none, its warnings, what changed since."""
+        return "; ".join(self.notes)
 
     @property
     def difference(self) -> float | None:
@@ -84,7 +89,7 @@ def predict(
     return [
         fresh[key]
         if blend.error is None
-        else PredictionReport(blend.row.name, way.method, state="failed", message=str(blend.error), error=blend.error)
+        else PredictionReport(blend.row.name, way.method, state="failed", notes=(str(blend.error),), error=blend.error)
         for key, blend in zip(saved, blends, strict=True)
     ]
 
@@ -233,7 +238,7 @@ def _open_comparison(row: Mixture) -> PredictionReport:
         measured=measured.packing_density if measured else None,
         measured_error=measured.standard_error if measured else None,
         state="open",
-        message="not predicted yet: run 'pdlab predict'",
+        notes=("not predicted yet: run 'pdlab predict'",),
     )
 
 
@@ -253,7 +258,7 @@ def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
         volume_mean=_volume_mean(row) if row.state == "done" else None,
         seeds=len(row.runs),
         state="outdated" if outdated and row.state == "done" else row.state,
-        message="; ".join(note for note in notes if note),
+        notes=tuple(note for note in notes if note),
         prediction_id=row.id,
         engine_version=row.engine_version,
     )
