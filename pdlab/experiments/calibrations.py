@@ -280,7 +280,7 @@ def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     if one.way.method == GRADED:
         reaches[GRADED] = curves.reach(one.ladder())
     spans = [f"'{method}' spans {calibration.span(reach)}" for method, reach in reaches.items()]
-    if GRADED not in reaches and len(one.sizes(GRADED)) > 1:
+    if GRADED not in reaches and not error.looser and len(one.sizes(GRADED)) > 1:
         spans.append(f"'{GRADED}', not simulated for this grading yet, reaches denser beds")
     value = one.measured.packing_density
     reaching = [method for method, (low, high) in reaches.items() if (low or 0.0) <= value <= (high or 1.0)]
