@@ -142,7 +142,7 @@ class Lab:
     def predictions(
         self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
     ) -> pd.DataFrame:
-        """Return each mixture's newest prediction beside its measurement; see ``aggregates``."""
+        """Return each mixture's newest prediction by each method beside its measurement; see ``aggregates``."""
         return self._listed("predictions", where, columns, sort, limit)
 
     def count(self, what: str, where: Texts = ()) -> int:

@@ -51,7 +51,10 @@ class Aggregate(Edited, Base):
 
 
 class SieveAnalysis(Edited, Base):
-    """One sieve test of an aggregate; the newest is the current one."""
+    """One sieve test of an aggregate; the newest is the current one.
+
+    The ends of its grading and its log-mean diameter are worked out from the results and kept for the lists.
+    """
 
     __tablename__ = "sieve_analysis"
     __table_args__ = (
@@ -68,6 +71,9 @@ class SieveAnalysis(Edited, Base):
     standard: Mapped[str | None]
     date: Mapped[dt.date | None]
     raw_text: Mapped[str | None]
+    finest_mm: Mapped[float | None]
+    coarsest_mm: Mapped[float | None]
+    log_mean_mm: Mapped[float | None]
     created_at: Mapped[dt.datetime] = mapped_column(default=now)
     aggregate: Mapped[Aggregate] = relationship(back_populates="sieve_analyses")
     results: Mapped[list["SieveResult"]] = relationship(order_by="SieveResult.position")

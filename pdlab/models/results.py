@@ -1,4 +1,4 @@
-"""What was worked out: runs, calibrations and predictions with what they rest on."""
+"""What was worked out: runs, calibrations and predictions with what they rest on, comparisons."""
 
 import datetime as dt
 
@@ -190,3 +190,29 @@ class PredictionCalibration(Base):
     prediction_id: Mapped[int] = mapped_column(ForeignKey("prediction.id"), primary_key=True)
     calibration_id: Mapped[int] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     calibration: Mapped[Calibration] = relationship()
+
+
+class Comparison(Base):
+    """What the view ``predicted_vs_measured`` says of a mixture and a method, kept for the lists.
+
+    ``method``: empty where the mixture was not predicted yet. The store writes it (``store/keeping.py``).
+    """
+
+    __tablename__ = "comparison"
+    __table_args__ = (Index(None, "prediction_id"), Index(None, "method", "engine_version", "difference"))
+    mixture_id: Mapped[int] = mapped_column(ForeignKey("mixture.id", ondelete="CASCADE"), primary_key=True)
+    method: Mapped[str] = mapped_column(String(32), primary_key=True)
+    mixture: Mapped[str]
+    prediction_id: Mapped[int | None] = mapped_column(ForeignKey("prediction.id", ondelete="CASCADE"))
+    state: Mapped[str] = mapped_column(String(16))
+    engine_version: Mapped[int | None]
+    predicted: Mapped[float | None]
+    standard_error: Mapped[float | None]
+    input_error: Mapped[float | None]
+    compaction: Mapped[str | None]
+    measured: Mapped[float | None]
+    difference: Mapped[float | None]
+    message: Mapped[str | None]
+    warnings: Mapped[str | None]
+    outdated: Mapped[str | None]
+    requested_at: Mapped[dt.datetime | None]
