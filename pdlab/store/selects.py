@@ -89,9 +89,9 @@ def aggregates(session: Session, names: Sequence[str] = ()) -> list[Aggregate]:
 
 
 def aggregates_by_id(session: Session, ids: Sequence[int]) -> list[Aggregate]:
-    """Return aggregates, of whatever delivery, with their tests."""
-    query = sa.select(Aggregate).options(*_WITH_TESTS)
-    return [row for part in parts(ids) for row in session.scalars(query.where(Aggregate.id.in_(part)))]
+    """Return aggregates, of whatever delivery, with their tests, in the order of their coming."""
+    query = sa.select(Aggregate).options(*_WITH_TESTS).order_by(Aggregate.id)
+    return [row for part in parts(sorted(ids)) for row in session.scalars(query.where(Aggregate.id.in_(part)))]
 
 
 def all_deliveries(session: Session) -> list[Aggregate]:
