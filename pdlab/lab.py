@@ -57,7 +57,8 @@ class Lab:
     ) -> None:
         if not 1 <= threads <= cores():
             raise InputError(f"{threads} threads lie outside [1, {cores()}], the cores of this process; choose fewer")
-        self.store = store.open_store(url)
+        self._address = store.store_url(url)  # with its password
+        self.store = store.open_store(self._address)
         self.runner = Runner(self.store, workers or cores() // threads, progress, threads=threads)
 
     def __enter__(self) -> "Lab":
@@ -173,7 +174,7 @@ class Lab:
     def predictions(
         self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
     ) -> pd.DataFrame:
-        """Return each mixture's newest prediction beside its measurement; see ``aggregates``."""
+        """Return each mixture's newest prediction by each method beside its measurement; see ``aggregates``."""
         return self._listed("predictions", where, columns, sort, limit)
 
     def count(self, what: str, where: Texts = ()) -> int:
@@ -253,6 +254,20 @@ class Lab:
     ) -> pd.DataFrame:
         """Return every correction and deletion of what people entered, the oldest first; see ``aggregates``."""
         return self._listed("corrections", where, columns, sort, limit)
+
+    def backup(self, file: str | Path) -> None:
+        """Write the store's state of this moment into a new SQLite file, itself a store, while others write on.
+
+        Raises StoreError for a file that is there already and for a backup that is not sound.
+        """
+        store.backup(self._address, Path(file))
+
+    def copy(self, target: str | os.PathLike[str]) -> pd.DataFrame:
+        """Copy the store into an empty database or a new file, all or nothing, and compare; return its tables.
+
+        ``target``: as ``url``. Raises StoreError for a target that holds anything and for a copy that is not equal.
+        """
+        return pd.DataFrame(store.copy(self._address, target), columns=["name", "rows", "checksum"])
 
     def bed(self, run: str) -> Bed:
         """Return where the spheres of a run lie; a failed run's as it was left, for inspection.

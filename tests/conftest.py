@@ -10,15 +10,18 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from sqlalchemy.orm import selectinload
 
 from pdlab.dem import VERSION
-from pdlab.experiments import register
+from pdlab.experiments import listed, register
 from pdlab.lab import SHIPPED
+from pdlab.models import Comparison, SieveAnalysis
 from pdlab.specimen import Packing, Specimen
-from pdlab.store import Store, open_store
+from pdlab.store import Store, open_store, sieve_table, sizes
 from pdlab.store.databases import shown
 from pdlab.tables import read_path
 
@@ -181,3 +184,27 @@ def folder(tmp_path: Path) -> Callable[..., Path]:
         return tmp_path
 
     return write
+
+
+def rows_of(target: Store, what: str, where: list[str], columns: list[str], sort: str = "") -> list[tuple[Any, ...]]:
+    """All rows of a list."""
+    return listed(target, what, where, columns, sort, None)[1]
+
+
+def check_kept(target: Store) -> None:
+    """Compare what is kept for the lists with what the view of comparisons and the sieve tables say."""
+    kinds = {column.name: column.type for column in Comparison.__table__.columns}
+    view = sa.table("predicted_vs_measured", *(sa.column(name, kind) for name, kind in kinds.items()))
+    names = ("finest_mm", "coarsest_mm", "log_mean_mm")
+    with target.read() as session:
+        kept = session.execute(sa.select(*Comparison.__table__.columns)).all()
+        said = session.execute(sa.select(*view.c)).all()
+        analyses = list(session.scalars(sa.select(SieveAnalysis).options(selectinload(SieveAnalysis.results))))
+        sieved = [([getattr(row, name) for name in names], sizes(sieve_table(row))) for row in analyses]
+
+    def key(row: sa.Row[Any]) -> list[str]:
+        return ["" if value in (None, "") else str(value) for value in row]
+
+    assert sorted(map(key, kept)) == sorted(map(key, said))
+    for has, worked_out in sieved:
+        assert has == pytest.approx([worked_out[name] for name in names], rel=1e-12)

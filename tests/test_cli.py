@@ -184,7 +184,7 @@ def test_db_upgrade_keeps_a_backup_and_db_backup_and_copy_say_what_they_wrote(
     assert "kept.db (0." in pdlab("db", "backup", "kept.db", folder=tmp_path).stdout
     refused(pdlab("db", "backup", "kept.db", folder=tmp_path), "kept.db is there already and is not overwritten")
     done = pdlab("db", "copy", "kept.db", "copy.db", folder=tmp_path)
-    assert "134 rows from sqlite:///kept.db to sqlite:///copy.db" in done.stdout, done
+    assert "137 rows from sqlite:///kept.db to sqlite:///copy.db" in done.stdout, done
     assert "pebbles L" in pdlab("ls", "--store", "copy.db", folder=tmp_path).stdout
 
 

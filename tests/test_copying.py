@@ -17,6 +17,7 @@ import pytest
 import sqlalchemy as sa
 from conftest import both
 
+from pdlab import Lab
 from pdlab.errors import StoreError
 from pdlab.models import Aggregate, Correction, Mixture, Run, RunState, SieveAnalysis
 from pdlab.store import Store, aggregates, backup, copy, copying, open_store, revisions
@@ -247,3 +248,16 @@ def test_the_names_of_a_copy_read_as_they_were_written(tmp_path: Path, old_store
     with store.read() as session:
         assert [row.name for row in aggregates(session)] == ["pebbles L", "pebbles M", "pebbles F"]
     store.close()
+
+
+@both
+def test_lab_backs_up_and_copies_its_store(address: str, tmp_path: Path) -> None:
+    with Lab(address) as lab:
+        fill(lab.store)
+        lab.backup(tmp_path / "kept.db")
+        copied = lab.copy(tmp_path / "copy.db")
+        with pytest.raises(StoreError, match="is there already"):
+            lab.backup(tmp_path / "kept.db")
+    for name in ("kept.db", "copy.db"):
+        assert sums(f"sqlite:///{tmp_path / name}") == sums(address)
+    assert dict(zip(copied["name"], copied["rows"], strict=True))["run"] == 250

@@ -9,13 +9,15 @@ import pytest
 import sqlalchemy as sa
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from conftest import STORES, both
+from alembic.script import ScriptDirectory
+from conftest import STORES, both, check_kept
 
 from pdlab.errors import MigrationFailed, StoreError
-from pdlab.experiments import calibrate, comparisons, predict, summaries
+from pdlab.experiments import calibrate, comparisons, listed, predict, summaries
+from pdlab.grading import SieveRow, SieveTable
 from pdlab.lab import prediction_frame
 from pdlab.models import Base
-from pdlab.store import Store, copying, open_store, revisions, runs, upgrade
+from pdlab.store import Store, copying, open_store, revisions, runs, sizes, upgrade
 from pdlab.store.databases import connected, parse
 
 MIGRATIONS = revisions.migrations()
@@ -77,6 +79,9 @@ def test_a_store_of_every_revision_is_upgraded_and_used(
     assert [one.name for one in summaries(store)] == ["pebbles L", "pebbles M", "pebbles F"]
     with store.read() as session:
         assert len(runs(session)) == 33
+    check_kept(store)
+    measured = [row[0] for row in listed(store, "predictions", columns=["measured"])[1]]
+    assert measured == pytest.approx([0.642, 0.644, 0.621], abs=1e-12)
     earlier = comparisons(store)
     assert [report.state for report in earlier] == ["done"] * 3
     assert all(report.error is None for report in calibrate(store, formula_runner(store)))
@@ -84,6 +89,28 @@ def test_a_store_of_every_revision_is_upgraded_and_used(
     assert [report.mixture for report in again] == [report.mixture for report in earlier]
     assert len(prediction_frame(again).to_csv().splitlines()) == 4
     store.close()
+
+
+@pytest.mark.parametrize(
+    ("kind", "pan_lower", "results"),
+    [
+        ("retained_g", None, [(16.0, 0.0), (8.0, 300.0), (4.0, 150.0), (2.0, 50.0), (None, 20.0)]),
+        ("retained_g", 0.5, [(2.0, 50.0), (4.0, 150.0), (8.0, 300.0), (16.0, 0.0), (None, 200.0)]),
+        ("retained_percent", None, [(31.5, 0.0), (16.0, 0.0), (8.0, 61.7), (4.0, 38.2), (2.0, 0.1), (1.0, 0.0)]),
+        ("passing_percent", None, [(16.0, 100.0), (8.0, 100.0), (4.0, 31.0), (2.0, 7.0), (1.0, 3.0)]),
+        ("passing_percent", 0.7, [(16.0, 100.0), (8.0, 55.0), (4.0, 31.0), (2.0, 17.0), (None, 0.0)]),
+        ("passing_percent", None, [(60.96, 100.0), (40.64, 0.0)]),
+    ],
+)
+def test_an_upgrade_works_out_the_sizes_of_sieve_analyses_as_pdlab_does(
+    kind: str, pan_lower: float | None, results: list[tuple[float | None, float]]
+) -> None:
+    script = ScriptDirectory.from_config(revisions._config()).get_revision("0003")
+    assert script is not None
+    table = SieveTable(tuple(SieveRow(*row) for row in results), kind, None, pan_lower)
+    wanted = sizes(table)
+    names = ("finest_mm", "coarsest_mm", "log_mean_mm")
+    assert script.module.sizes(kind, pan_lower, results) == pytest.approx([wanted[name] for name in names], rel=1e-12)
 
 
 @both

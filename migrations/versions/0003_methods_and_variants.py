@@ -1,4 +1,8 @@
-"""Several methods and their variants, calibrations by angle of repose, spheres of several sizes."""
+"""Several methods and their variants, calibrations by angle of repose, spheres of several sizes; columns for lists."""
+
+import itertools
+import math
+from collections.abc import Sequence
 
 import sqlalchemy as sa
 from alembic import op
@@ -58,9 +62,17 @@ OF_CALIBRATION = f"""
     )
     OR k.table_name = 'packing_test' AND k.row_key = CAST(c.packing_test_id AS TEXT)
     OR k.table_name = 'sieve_analysis' AND k.row_key = CAST(c.sieve_analysis_id AS TEXT)
-    OR k.table_name = 'sieve_result' AND k.row_key LIKE CAST(c.sieve_analysis_id AS TEXT) || '/%'
+    OR k.table_name = 'sieve_result' AND k.row_key IN (
+        SELECT CAST(r.sieve_analysis_id AS TEXT) || '/' || CAST(r.position AS TEXT)
+        FROM sieve_result r WHERE r.sieve_analysis_id = c.sieve_analysis_id
+    )
 """
-OF_MIXTURE = "k.table_name = 'mixture_component' AND k.row_key LIKE CAST(m.id AS TEXT) || '/%'"
+OF_MIXTURE = """
+    k.table_name = 'mixture_component' AND k.row_key IN (
+        SELECT CAST(r.mixture_id AS TEXT) || '/' || CAST(r.position AS TEXT)
+        FROM mixture_component r WHERE r.mixture_id = m.id
+    )
+"""
 
 OUTDATED_CALIBRATIONS = f"""
 CREATE VIEW outdated_calibrations AS
@@ -77,7 +89,7 @@ CREATE VIEW current_aggregates AS
 SELECT
     a.id AS aggregate_id, a.name, a.delivery, a.source, a.shape,
     {OVEN_DRY} AS oven_dry_density_kg_m3,
-    s.id AS sieve_analysis_id, t.id AS packing_test_id, t.compaction,
+    s.id AS sieve_analysis_id, s.finest_mm, s.coarsest_mm, s.log_mean_mm, t.id AS packing_test_id, t.compaction,
     {measured(OVEN_DRY)} AS measured_packing_density,
     c.id AS calibration_id, c.state, c.method, c.diameter_rule, c.diameter_mm, c.friction, c.friction_low,
     c.friction_high, c.engine_version, c.message, a.created_at
@@ -100,25 +112,35 @@ MEAN_DENSITY = f"""
             FROM mixture_component k JOIN aggregate a ON a.id = k.aggregate_id WHERE k.mixture_id = m.id
         """
 
-# SQLite finds what stands in IN once for all rows; the plus keeps it from looking up each of them for each row
-PREDICTED_VS_MEASURED = f"""
+# which aggregates of prediction p were tested or sieved anew, or corrected
+OUTDATED = """
+            SELECT {join}(o.aggregate, ', ') FROM (
+                SELECT o.aggregate FROM prediction_calibration l
+                JOIN outdated_calibrations o ON o.calibration_id = l.calibration_id
+                WHERE l.prediction_id = p.id ORDER BY l.calibration_id
+            ) o
+        """
+
+
+def predicted_vs_measured(join: str) -> str:
+    """The newest prediction of each mixture by each method; ``join``: the database's function that joins texts."""
+    return f"""
 CREATE VIEW predicted_vs_measured AS
-SELECT pair.*, pair.predicted - pair.measured AS difference
+SELECT pair.mixture_id, pair.mixture, pair.prediction_id,
+    CASE WHEN pair.state = 'done' AND (pair.outdated IS NOT NULL OR pair.corrected) THEN 'outdated' ELSE pair.state END
+        AS state,
+    pair.method, pair.engine_version, pair.predicted, pair.standard_error, pair.input_error, pair.packing_test_id,
+    pair.compaction, pair.measured, pair.message, pair.warnings, pair.outdated, pair.requested_at, pair.finished_at,
+    pair.predicted - pair.measured AS difference
 FROM (
     SELECT
-        m.id AS mixture_id, m.name AS mixture, p.id AS prediction_id,
-        CASE
-            WHEN p.state = 'done' AND (EXISTS (
-                SELECT 1 FROM prediction_calibration l
-                WHERE l.prediction_id = p.id
-                    AND +l.calibration_id IN (SELECT calibration_id FROM outdated_calibrations)
-            ) OR {corrected(OF_MIXTURE, "p.requested_at")}) THEN 'outdated'
-            ELSE coalesce(p.state, 'open')
-        END AS state,
+        m.id AS mixture_id, m.name AS mixture, p.id AS prediction_id, coalesce(p.state, 'open') AS state,
         p.method, p.engine_version, p.packing_density AS predicted, p.standard_error, p.input_error,
         t.id AS packing_test_id, t.compaction,
         {measured(MEAN_DENSITY)} AS measured,
-        p.message, p.warnings, p.requested_at, p.finished_at
+        p.message, p.warnings, ({OUTDATED.format(join=join)}) AS outdated,
+        m.version > 1 AND {corrected(OF_MIXTURE, "p.requested_at")} AS corrected,
+        p.requested_at, p.finished_at
     FROM mixture m
     LEFT JOIN prediction p ON p.mixture_id = m.id AND p.variant = '' AND p.state IN ('done', 'failed')
         AND NOT EXISTS (
@@ -130,7 +152,66 @@ FROM (
 ) pair
 """
 
+
+COMPARISONS = """
+INSERT INTO comparison (
+    mixture_id, method, mixture, prediction_id, state, engine_version, predicted, standard_error, input_error,
+    compaction, measured, difference, message, warnings, outdated, requested_at
+)
+SELECT
+    mixture_id, coalesce(method, ''), mixture, prediction_id, state, engine_version, predicted, standard_error,
+    input_error, compaction, measured, difference, message, warnings, outdated, requested_at
+FROM predicted_vs_measured
+"""
+
 NEWEST_PREDICTION = ["mixture_id", "method", "variant", "requested_at", "id", "state"]
+
+
+def passing(kind: str, results: Sequence[tuple[float | None, float]]) -> tuple[list[float], list[float]]:
+    """The apertures of a sieve analysis, falling, and the share that passes each; an aperture of None is the pan."""
+    sieves = sorted((aperture, value) for aperture, value in results if aperture is not None)[::-1]
+    apertures = [aperture for aperture, _ in sieves]
+    if kind == "passing_percent":
+        return apertures, [value / 100.0 for _, value in sieves]
+    total = math.fsum(value for _, value in results)
+    held = itertools.accumulate(value for _, value in sieves)
+    shares = [max(0.0, 1.0 - value / total) for value in held]
+    if not any(value for aperture, value in results if aperture is None):
+        shares[-1] = 0.0
+    return apertures, shares
+
+
+def sizes(
+    kind: str, pan_lower: float | None, results: Sequence[tuple[float | None, float]]
+) -> tuple[float, float, float]:
+    """The finest and the coarsest size of a sieve analysis and the log-mean diameter [mm], as pdlab has them then."""
+    apertures, shares = passing(kind, results)
+    if shares[-1] > 0.0:
+        apertures, shares = [*apertures, pan_lower or apertures[-1] / 2.0], [*shares, 0.0]
+    first = max(k for k, share in enumerate(shares) if share >= 1.0 - 1e-12)
+    last = next((k for k, share in enumerate(shares) if share <= 1e-12), len(shares) - 1)
+    classes = [
+        (coarse - fine, math.log(math.sqrt(above * below)))
+        for (coarse, fine), (above, below) in zip(
+            itertools.pairwise(shares[first : last + 1]), itertools.pairwise(apertures[first : last + 1]), strict=True
+        )
+    ]
+    return apertures[last], apertures[first], math.exp(math.fsum(share * size for share, size in classes))
+
+
+def fill_sizes() -> None:
+    connection = op.get_bind()
+    values = "coalesce(retained_g, retained_percent, passing_percent)"
+    query = f"SELECT sieve_analysis_id, aperture_mm, {values} FROM sieve_result ORDER BY sieve_analysis_id, position"
+    results = {
+        key: [(row[1], row[2]) for row in rows]
+        for key, rows in itertools.groupby(connection.exec_driver_sql(query), key=lambda row: row[0])
+    }
+    update = sa.text("UPDATE sieve_analysis SET finest_mm = :f, coarsest_mm = :c, log_mean_mm = :d WHERE id = :id")
+    for key, kind, pan_lower in connection.exec_driver_sql("SELECT id, kind, pan_lower_mm FROM sieve_analysis").all():
+        if key in results:
+            finest, coarsest, mean = sizes(kind, pan_lower, results[key])
+            connection.execute(update, {"f": finest, "c": coarsest, "d": mean, "id": key})
 
 
 def upgrade() -> None:
@@ -163,5 +244,44 @@ def upgrade() -> None:
     op.add_column("prediction", sa.Column("variant", sa.String(length=64), server_default="", nullable=False))
     op.drop_index("ix_prediction_newest", table_name="prediction")
     op.create_index("ix_prediction_newest", "prediction", NEWEST_PREDICTION)
-    for view in (OUTDATED_CALIBRATIONS, CURRENT_AGGREGATES, PREDICTED_VS_MEASURED):
-        op.execute(view)
+    for column in ("finest_mm", "coarsest_mm", "log_mean_mm"):
+        op.add_column("sieve_analysis", sa.Column(column, sa.Double(), nullable=True))
+    fill_sizes()
+    op.execute(OUTDATED_CALIBRATIONS)
+    op.execute(CURRENT_AGGREGATES)
+    op.execute(predicted_vs_measured("group_concat" if op.get_bind().dialect.name == "sqlite" else "string_agg"))
+    make_comparisons()
+
+
+def make_comparisons() -> None:
+    op.create_table(
+        "comparison",
+        sa.Column("mixture_id", sa.Integer(), nullable=False),
+        sa.Column("method", sa.String(length=32), nullable=False),
+        sa.Column("mixture", sa.Text(), nullable=False),
+        sa.Column("prediction_id", sa.Integer(), nullable=True),
+        sa.Column("state", sa.String(length=16), nullable=False),
+        sa.Column("engine_version", sa.Integer(), nullable=True),
+        sa.Column("predicted", sa.Double(), nullable=True),
+        sa.Column("standard_error", sa.Double(), nullable=True),
+        sa.Column("input_error", sa.Double(), nullable=True),
+        sa.Column("compaction", sa.Text(), nullable=True),
+        sa.Column("measured", sa.Double(), nullable=True),
+        sa.Column("difference", sa.Double(), nullable=True),
+        sa.Column("message", sa.Text(), nullable=True),
+        sa.Column("warnings", sa.Text(), nullable=True),
+        sa.Column("outdated", sa.Text(), nullable=True),
+        sa.Column("requested_at", sa.DateTime(), nullable=True),
+        sa.ForeignKeyConstraint(
+            ["mixture_id"], ["mixture.id"], name=op.f("fk_comparison_mixture_id_mixture"), ondelete="CASCADE"
+        ),
+        sa.ForeignKeyConstraint(
+            ["prediction_id"], ["prediction.id"], name=op.f("fk_comparison_prediction_id_prediction"),
+            ondelete="CASCADE",
+        ),
+        sa.PrimaryKeyConstraint("mixture_id", "method", name=op.f("pk_comparison")),
+    )  # fmt: skip
+    op.create_index(op.f("ix_comparison_prediction_id"), "comparison", ["prediction_id"])
+    spread = ["method", "engine_version", "difference"]
+    op.create_index(op.f("ix_comparison_method_engine_version_difference"), "comparison", spread)
+    op.execute(COMPARISONS)

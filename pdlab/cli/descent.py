@@ -125,7 +125,7 @@ def correct(
 
 def _outdated(lab: "Lab") -> list[str]:
     frame = lab.predictions()
-    return list(frame.loc[frame["state"] == "outdated", "mixture"])
+    return list(frame.loc[frame["state"] == "outdated", "mixture"].unique())
 
 
 def _changes(words: Sequence[str]) -> dict[str, dict[str, str | float | None]]:

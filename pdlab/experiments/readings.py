@@ -8,17 +8,13 @@ from pdlab import density, grading, store
 from pdlab.calibration import GRADED
 from pdlab.density import MeasuredPacking
 from pdlab.errors import GradingError
-from pdlab.grading import Grading, SieveRow, SieveTable
-from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run, SieveAnalysis
+from pdlab.grading import Grading
+from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run
 from pdlab.specimen import Packing, Protocol, protocol_of
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS
 
-
-def sieve_table(analysis: SieveAnalysis) -> SieveTable:
-    """Return a stored sieve analysis as the table it was entered as."""
-    rows = tuple(SieveRow(result.aperture_mm, getattr(result, analysis.kind)) for result in analysis.results)
-    return SieveTable(rows, analysis.kind, analysis.sample_mass_g, analysis.pan_lower_mm)
+sieve_table = store.sieve_table
 
 
 def particle_density(aggregate: Aggregate) -> float | None:

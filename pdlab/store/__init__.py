@@ -11,7 +11,8 @@ from pdlab.store.descent import (
     resting_on,
     with_descent,
 )
-from pdlab.store.lists import SHOWN, SIZES, Known, column_kinds, count_rows, current_analyses, differences, list_rows
+from pdlab.store.keeping import sieve_table, sizes
+from pdlab.store.lists import SHOWN, column_kinds, count_rows, differences, list_rows
 from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
 from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
@@ -40,8 +41,6 @@ from pdlab.store.selects import (
 
 __all__ = [
     "SHOWN",
-    "SIZES",
-    "Known",
     "Store",
     "TableCopy",
     "Upgraded",
@@ -56,7 +55,6 @@ __all__ = [
     "copy",
     "corrections",
     "count_rows",
-    "current_analyses",
     "deliveries",
     "differences",
     "done_calibrations",
@@ -83,6 +81,8 @@ __all__ = [
     "runs",
     "save_run",
     "shown_url",
+    "sieve_table",
+    "sizes",
     "store_url",
     "upgrade",
     "with_descent",

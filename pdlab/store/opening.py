@@ -25,6 +25,7 @@ from pdlab.store.databases import (
     shown,
     store_url,
 )
+from pdlab.store.keeping import kept_for_lists
 from pdlab.store.revisions import check_revision, head, migrate, revision_of
 
 
@@ -52,7 +53,7 @@ class Store:
 
         Writers wait for each other, so that none writes over what it has not read. Raises StoreError.
         """
-        with named_errors(self.url), self._session(self.writer) as session, session.begin():
+        with named_errors(self.url), self._session(self.writer) as session, session.begin(), kept_for_lists(session):
             yield session
 
     @staticmethod

@@ -11,6 +11,7 @@ from pdlab.errors import UnknownName
 from pdlab.models import (
     Aggregate,
     Calibration,
+    Comparison,
     Mixture,
     MixtureComponent,
     PackingTest,
@@ -20,7 +21,6 @@ from pdlab.models import (
     RunState,
     SieveAnalysis,
 )
-from pdlab.store.lists import PAIRS
 
 ENDED = ("done", "failed")
 MOST_VALUES = 10_000
@@ -89,9 +89,9 @@ def aggregates(session: Session, names: Sequence[str] = ()) -> list[Aggregate]:
 
 
 def aggregates_by_id(session: Session, ids: Sequence[int]) -> list[Aggregate]:
-    """Return aggregates, of whatever delivery, with their tests."""
-    query = sa.select(Aggregate).options(*_WITH_TESTS)
-    return [row for part in _parts(ids) for row in session.scalars(query.where(Aggregate.id.in_(part)))]
+    """Return aggregates, of whatever delivery, with their tests, in the order of their coming."""
+    query = sa.select(Aggregate).options(*_WITH_TESTS).order_by(Aggregate.id)
+    return [row for part in parts(sorted(ids)) for row in session.scalars(query.where(Aggregate.id.in_(part)))]
 
 
 def all_deliveries(session: Session) -> list[Aggregate]:
@@ -118,7 +118,7 @@ def _named(session: Session, table: type[Named], names: Sequence[str], query: sa
     """Return the rows of a query that are named, in the order of the names; all of them without names."""
     if not names:
         return list(session.scalars(query))
-    found = {row.name: row for part in _parts(names) for row in session.scalars(query.where(table.name.in_(part)))}
+    found = {row.name: row for part in parts(names) for row in session.scalars(query.where(table.name.in_(part)))}
     missing = [name for name in names if name not in found]
     if missing:
         kind = table.__tablename__
@@ -130,15 +130,15 @@ def _named(session: Session, table: type[Named], names: Sequence[str], query: sa
     return [found[name] for name in dict.fromkeys(names)]
 
 
-def _parts(values: Sequence[T]) -> Iterator[Sequence[T]]:
-    """Cut values into parts: a statement takes some 30 000 of them."""
+def parts(values: Sequence[T]) -> Iterator[Sequence[T]]:
+    """Cut values into parts of as many as one statement takes."""
     return (values[k : k + MOST_VALUES] for k in range(0, len(values), MOST_VALUES))
 
 
 def done_runs(session: Session, digests: Sequence[str]) -> dict[str, Run]:
     """Return the runs among ``digests`` that are done, by digest."""
     query = sa.select(Run).where(Run.state == "done")
-    found = (run for part in _parts(digests) for run in session.scalars(query.where(Run.specimen_hash.in_(part))))
+    found = (run for part in parts(digests) for run in session.scalars(query.where(Run.specimen_hash.in_(part))))
     return {run.specimen_hash: run for run in found}
 
 
@@ -209,13 +209,14 @@ def done_calibrations(session: Session, aggregate_ids: Sequence[int], engine_ver
         .where(Calibration.state == "done", Calibration.engine_version == engine_version)
         .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
     )
-    parts = (query.where(Calibration.aggregate_id.in_(part)) for part in _parts(aggregate_ids))
-    return [row for part in parts for row in session.scalars(part)]
+    return [
+        row for part in parts(aggregate_ids) for row in session.scalars(query.where(Calibration.aggregate_id.in_(part)))
+    ]
 
 
 def predictions_by_id(session: Session, ids: Sequence[int]) -> list[Prediction]:
     """Return predictions with what they rest on."""
-    return [row for part in _parts(ids) for row in session.scalars(_PREDICTIONS.where(Prediction.id.in_(part)))]
+    return [row for part in parts(ids) for row in session.scalars(_PREDICTIONS.where(Prediction.id.in_(part)))]
 
 
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:
@@ -231,10 +232,10 @@ def newest_predictions(session: Session, mixture_ids: Sequence[int]) -> dict[int
 
     The oldest stands first. Variants are left out.
     """
-    newest = sa.select(PAIRS.c.prediction_id)
+    newest = sa.select(Comparison.prediction_id)
     queries = (
-        _PREDICTIONS.where(Prediction.id.in_(newest.where(PAIRS.c.mixture_id.in_(part))))
-        for part in _parts(mixture_ids)
+        _PREDICTIONS.where(Prediction.id.in_(newest.where(Comparison.mixture_id.in_(part))))
+        for part in parts(mixture_ids)
     )
     out = dict[int, list[Prediction]]()
     for row in sorted((row for query in queries for row in session.scalars(query)), key=lambda row: row.id):

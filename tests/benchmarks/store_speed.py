@@ -20,6 +20,7 @@ import sqlalchemy as sa
 
 from pdlab import experiments, store
 from pdlab.calibration import METHOD
+from pdlab.grading import SieveRow, SieveTable
 from pdlab.models import Base
 from pdlab.store import Store
 
@@ -28,6 +29,9 @@ BEGIN = dt.datetime(2026, 1, 1, tzinfo=dt.UTC)
 ENGINE = 3
 CHUNK = 5_000
 APERTURES = (31.5, 16.0, 8.0, 4.0, 2.0, 1.0)
+METHODS = (("monosized",), ("graded", "monosized_rolling", "auto", "monosized"), ("static", "toufar", "repose", "auto"))
+"""By what each mixture is predicted: first, later one of these, and later still one of those."""
+VARIANTS = ("local_damping=0", "pair_friction=mean", "diameter_rule=harmonic")
 SPECIMEN = '{"species": [' + '{"diameter": 1.0, "friction": 0.1308, "share": 0.5}, ' * 12 + '"width": 20.0}'
 """As long as a specimen of two aggregates."""
 
@@ -44,11 +48,12 @@ def build(target: Store, scale: float = 1.0, seed: int = 1) -> None:
         max(1, round(scale * count)) for count in (RUNS, MIXTURES, PREDICTIONS, AGGREGATES)
     )
     digests = [draw.bytes(32).hex() for _ in range(runs)]
-    for table, rows in {
+    gradings = [_grading(draw) for _ in range(names * DELIVERIES)]
+    tables = {
         "aggregate": _aggregates(names),
-        "sieve_analysis": _analyses(names),
-        "sieve_result": _sieves(names, draw),
-        "mixture": ({"id": k, "name": f"mix {k:05d}"} for k in range(1, mixtures + 1)),
+        "sieve_analysis": _analyses(gradings),
+        "sieve_result": _sieves(gradings),
+        "mixture": ({"id": k, "name": f"mix {k:05d}", "version": 1 + (k % 50 == 0)} for k in range(1, mixtures + 1)),
         "mixture_component": _components(mixtures, names),
         "packing_test": _tests(names, mixtures, draw),
         "run": _runs(digests, draw),
@@ -57,14 +62,12 @@ def build(target: Store, scale: float = 1.0, seed: int = 1) -> None:
         "prediction": _predictions(predictions, mixtures, draw),
         "prediction_run": _links("prediction_id", predictions, digests, draw),
         "prediction_calibration": _sources(predictions, mixtures, names),
-    }.items():
-        _insert(target, table, rows)
-
-
-def _insert(target: Store, table: str, rows: Rows) -> None:
+        "correction": _corrections(mixtures),
+    }
     with target.write() as session:
-        while chunk := list(itertools.islice(rows, CHUNK)):
-            session.execute(sa.insert(Base.metadata.tables[table]), chunk)
+        for table, rows in tables.items():
+            while chunk := list(itertools.islice(rows, CHUNK)):
+                session.execute(sa.insert(Base.metadata.tables[table]), chunk)
 
 
 def _aggregates(names: int) -> Rows:
@@ -76,18 +79,22 @@ def _aggregates(names: int) -> Rows:
         }  # fmt: skip
 
 
-def _analyses(names: int) -> Rows:
-    for k in range(1, names * DELIVERIES + 1):
-        yield {"id": k, "aggregate_id": k, "kind": "retained_percent"}
+def _grading(draw: np.random.Generator) -> SieveTable:
+    held = [0.0, *map(float, 100.0 * draw.dirichlet(np.ones(len(APERTURES) - 1)))]
+    return SieveTable(tuple(map(SieveRow, APERTURES, held)), "retained_percent")
 
 
-def _sieves(names: int, draw: np.random.Generator) -> Rows:
-    for k in range(1, names * DELIVERIES + 1):
-        held = 100.0 * draw.dirichlet(np.ones(len(APERTURES) - 1))
-        for position, (aperture, value) in enumerate(zip(APERTURES, [0.0, *map(float, held)], strict=True)):
+def _analyses(gradings: list[SieveTable]) -> Rows:
+    for k, table in enumerate(gradings, 1):
+        yield {"id": k, "aggregate_id": k, "kind": table.kind} | store.sizes(table)
+
+
+def _sieves(gradings: list[SieveTable]) -> Rows:
+    for k, table in enumerate(gradings, 1):
+        for position, row in enumerate(table.rows):
             yield {
-                "sieve_analysis_id": k, "position": position, "aperture_mm": aperture,
-                "retained_percent": value, "raw_text": f"{aperture}\t{value}",
+                "sieve_analysis_id": k, "position": position, "aperture_mm": row.aperture,
+                "retained_percent": row.value, "raw_text": f"{row.aperture}\t{row.value}",
             }  # fmt: skip
 
 
@@ -156,15 +163,29 @@ def _mixture(prediction: int, mixtures: int) -> int:
 
 
 def _predictions(count: int, mixtures: int, draw: np.random.Generator) -> Rows:
+    """Predictions by several methods; one of 25 is a variant, has failed, or has a warning."""
     for k in range(1, count + 1):
-        failed = draw.random() < 0.03
+        methods = METHODS[min((k - 1) // mixtures, 2)]
+        variant, failed, warned = draw.random(3) < 0.04
         yield {
-            "id": k, "mixture_id": _mixture(k, mixtures), "method": METHOD, "protocol": "{}",
-            "engine_version": ENGINE, "packing_density": None if failed else 0.6 + 0.08 * float(draw.random()),
+            "id": k, "mixture_id": _mixture(k, mixtures), "method": methods[draw.integers(len(methods))],
+            "variant": VARIANTS[k % 3] if variant else "", "protocol": "{}", "engine_version": ENGINE,
+            "packing_density": None if failed else 0.6 + 0.08 * float(draw.random()),
             "standard_error": None if failed else 0.001, "input_error": None if failed else 0.004,
             "state": "failed" if failed else "done", "message": "a bed did not come to rest" if failed else None,
+            "warnings": "moist material" if warned else None,
             "progress": 1.0, "requested_at": BEGIN + dt.timedelta(minutes=k),
         }  # fmt: skip
+
+
+def _corrections(mixtures: int) -> Rows:
+    """A share of every 50th mixture and a result of as many sieve analyses, half of them before what rests on them."""
+    for k in range(50, mixtures + 1, 50):
+        at = {"corrected_by": "A. Miller", "corrected_at": BEGIN + dt.timedelta(days=1 if k % 100 else 20)}
+        share = {"table_name": "mixture_component", "row_key": f"{k}/0", "column_name": "solid_volume_share"}
+        sieve = {"table_name": "sieve_result", "row_key": f"{k // 50}/1", "column_name": "retained_percent"}
+        yield share | at | {"old_value": "0.06", "new_value": "0.6"}
+        yield sieve | at | {"old_value": "200.0", "new_value": "20.0"}
 
 
 def _links(key: str, count: int, digests: list[str], draw: np.random.Generator) -> Rows:
@@ -192,11 +213,11 @@ def spent(call: Callable[[], Any], times: int = 3) -> float:
 
 def slowest(target: Store, what: str) -> tuple[float, str]:
     """Return the longest time [ms] of a page under one condition and one order on the columns shown, and which."""
-    kinds, found = store.column_kinds(what), list[tuple[float, str]]()
-    for column, sign in itertools.product(store.SHOWN[what], ("", "-")):
+    kinds, shown, found = store.column_kinds(what), store.SHOWN[what], list[tuple[float, str]]()
+    for column, order, sign in itertools.product(shown, shown, ("", "-")):
         for rest in CONDITIONS[kinds[column]]:
-            times = spent(lambda: experiments.listed(target, what, [column + rest], [], sign + column, 30, ENGINE))  # noqa: B023
-            found.append((times, f"{column}{rest} --sort {sign}{column}"))
+            times = spent(lambda: experiments.listed(target, what, [column + rest], [], sign + order, 30, ENGINE))  # noqa: B023
+            found.append((times, f"{column}{rest} --sort {sign}{order}"))
     return max(found)
 
 
