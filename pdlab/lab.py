@@ -34,7 +34,10 @@ SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
 """Feret's round pebbles in the table format, with their source in the folder above."""
 
 Texts = str | Iterable[str]
-PREDICTION_COLUMNS = store.SHOWN["predictions"]
+PREDICTION_COLUMNS = (
+    "mixture", "method", "packing_density", "standard_error", "input_error", "expected_error", "measured",
+    "difference", "toufar", "cpm", "state", "message",
+)  # fmt: skip
 
 
 class Lab:
@@ -121,8 +124,9 @@ class Lab:
         """Predict mixtures: the named, all, or those of a frame like mixtures.csv, which are registered.
 
         ``method``, ``rule``, ``leave_out``: as in ``calibrate``. ``seeds``: also beds of each mixture at first. The
-        frame returned has a row for each mixture: its packing density [-] with its errors, the measured one and
-        their difference. Raises TableError, UnknownName, InputError.
+        frame returned has a row for each mixture: its packing density [-] with its errors, the measured one, their
+        difference, and what Toufar's theory and the compressible packing model make of it. Raises TableError,
+        UnknownName, InputError.
         """
         way = Way(method, rule, seeds, leave_out)
         if isinstance(mixtures, pd.DataFrame):
@@ -273,8 +277,11 @@ def _texts(given: Texts) -> list[str]:
 
 
 def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:
-    """Return reports as a frame with a row each."""
-    rows = [{name: getattr(report, name) for name in PREDICTION_COLUMNS} for report in reports]
+    """Return reports as a frame with a row each; a message also says why a theory is missing."""
+    rows = []
+    for report in reports:
+        notes = [note for note in (report.message, report.theory_message) if note]
+        rows.append({name: getattr(report, name) for name in PREDICTION_COLUMNS} | {"message": "; ".join(notes)})
     return pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS))
 
 

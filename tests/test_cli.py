@@ -126,6 +126,9 @@ def test_calibrate_and_predict_print_tables_and_write_csv(small_lab: Path) -> No
     done = pdlab("predict", "-o", "out.csv", folder=small_lab)
     assert done.returncode == 0, done.stderr
     assert "mean absolute error over 3 mixtures" in done.stdout
+    assert "(volume mean of the aggregates: 0.0373; Toufar: 0.0106; CPM: 0.0115)" in done.stdout
+    table = [line for line in done.stdout.splitlines() if line.startswith("  pebbles L+M 1:1")][-1].split()
+    assert table[-4:] == ["0.6060", "0.6378", "0.6419", "done"]
     frame = pd.read_csv(small_lab / "out.csv")
     assert list(frame["mixture"]) == ["pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"]
     assert (frame["difference"] - (frame["packing_density"] - frame["measured"])).abs().max() < 1e-12

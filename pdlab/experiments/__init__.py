@@ -14,6 +14,7 @@ from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register
+from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 
 __all__ = [
@@ -30,8 +31,10 @@ __all__ = [
     "RunAll",
     "Sheet",
     "Summary",
+    "Theoretical",
     "Verified",
     "Way",
+    "by_theory",
     "calibrate",
     "comparisons",
     "correct",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pdlab import density, grading, store
 from pdlab.calibration import GRADED
 from pdlab.density import MeasuredPacking
-from pdlab.errors import GradingError
+from pdlab.errors import GradingError, InputError
 from pdlab.grading import Grading, SieveRow, SieveTable
 from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run, SieveAnalysis
 from pdlab.specimen import Packing, Protocol, protocol_of
@@ -61,6 +61,16 @@ def current_grading(aggregate: Aggregate) -> Grading | None:
     if not aggregate.sieve_analyses:
         return None
     return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]))
+
+
+def current_tests(aggregate: Aggregate) -> tuple[Grading, PackingTest]:
+    """Return an aggregate's current grading and density test. Raises InputError where one is missing."""
+    sieved, test = current_grading(aggregate), store.newest_test(aggregate.packing_tests)
+    if sieved is None:
+        raise InputError(f"aggregate '{aggregate.name}' has no sieve analysis; enter one")
+    if test is None:
+        raise InputError(f"aggregate '{aggregate.name}' has no density test; enter one")
+    return sieved, test
 
 
 def packing_of(run: Run) -> Packing:
