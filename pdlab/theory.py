@@ -299,7 +299,7 @@ def fit_compaction_index(materials: Sequence[Material], shares: ArrayLike, measu
         raise ShareError(f"{target.size} measured packing densities for {len(part)} mixtures; give one of each")
     for value in target[~((target > 0.0) & (target < 1.0))]:
         raise DensityError(f"packing density {value:g} lies outside (0, 1); check it and its unit")
-    ends = math.log(max(map(_least_index, alike)) * 1.001), math.log(LARGEST_INDEX)
+    ends = log_index_range(alike)
     moved = np.abs(np.subtract(*(cpm(alike, part, math.exp(end)) for end in ends))) > MOVED
     if moved.sum() < MIN_DATA:
         raise TooFewData(
@@ -307,6 +307,11 @@ def fit_compaction_index(materials: Sequence[Material], shares: ArrayLike, measu
             "measure mixtures of aggregates of different sizes"
         )
     return _least_squares(alike, part[moved], target[moved], ends)
+
+
+def log_index_range(materials: Sequence[Material]) -> tuple[float, float]:
+    """Return the logarithms of the least and the greatest compaction index to try, see ``fit_compaction_index``."""
+    return math.log(max(map(_least_index, materials)) * 1.001), math.log(LARGEST_INDEX)
 
 
 def _least_squares(
