@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pdlab import theory
-from pdlab.errors import DensityError, InputError, ProtocolError, UnknownName
+from pdlab.errors import DensityError, GradingError, InputError, ProtocolError, UnknownName
 from pdlab.experiments import by_theory, comparisons, predict, register
 from pdlab.experiments.theories import MODELS, Recipe, Theoretical, evaluate
 from pdlab.lab import prediction_frame
@@ -45,6 +45,8 @@ MIXTURES = """\
 mixture,aggregate,solid_volume_share
 stone+gravel,stone,0.6
 stone+gravel,gravel,0.4
+untested blend,stone,0.5
+untested blend,gravel,0.5
 stone+sand,stone,0.7
 stone+sand,sand,0.3
 stone+hard,stone,0.5
@@ -80,6 +82,10 @@ def test_the_theories_get_the_current_diameter_density_test_classes_and_shares(l
     values = one(lab, "stone+gravel").values
     assert values == pytest.approx(
         {name: model([STONE, GRAVEL], [[0.6, 0.4]], "loose")[0] for name, model in theory.THEORIES.items()}, abs=1e-12
+    )
+    unstated = one(lab, "untested blend").values  # of gravel; it is taken as loose, and so is the mixture
+    assert unstated == pytest.approx(
+        {name: model([STONE, GRAVEL], [[0.5, 0.5]], "loose")[0] for name, model in theory.THEORIES.items()}, abs=1e-12
     )
     in_one_class = theory.cpm([STONE, Material(GRAVEL.diameter, 0.58, compaction="loose")], [[0.6, 0.4]], "loose")[0]
     assert abs(values["cpm"] - in_one_class) > 1e-4
@@ -162,7 +168,8 @@ def test_many_mixtures_at_once_are_the_same_as_one_by_one(monkeypatch: pytest.Mo
         assert {name: str(error) for name, error in report.errors.items()} == {
             name: str(error) for name, error in alone.errors.items()
         }
-    assert together[4].values == pytest.approx(together[0].values | together[4].values, abs=1e-12)
+    (in_one_heap,) = evaluate([Recipe("", (STONE, GRAVEL), (0.5, 0.5), "loose")], tuple(MODELS))
+    assert together[4].values == pytest.approx(in_one_heap.values, abs=1e-12)
     assert sum(len(report.errors) for report in together) == 9
 
 
@@ -173,6 +180,8 @@ def test_theories_that_are_absent_or_unknown_are_refused_by_name(lab: Store) -> 
         by_theory(lab, wanted=("magic",))
     with pytest.raises(UnknownName):
         by_theory(lab, ["nothing"])
+    with pytest.raises(GradingError, match="'mean' is no diameter rule"):
+        by_theory(lab, rule="mean")
 
 
 def test_theory_stands_beside_every_prediction_also_a_failed_one(lab: Store, formula_runner: Any) -> None:

@@ -67,7 +67,11 @@ def components_of(mixtures: Sequence[Mixture]) -> list[int]:
 
 
 def recipes(mixtures: Sequence[Mixture], aggregates: Sequence[Aggregate], rule: str = DEFAULT_RULE) -> list[Recipe]:
-    """Return stored mixtures of ``aggregates``, which come with their tests, as the theories take them."""
+    """Return stored mixtures of ``aggregates``, which come with their tests, as the theories take them.
+
+    Raises GradingError for an unknown ``rule``; what is wrong with one mixture stands in its place.
+    """
+    grading.check_rule(rule)
     known = {row.id: _material(row, rule) for row in aggregates}
     return [_recipe(row, known) for row in mixtures]
 
