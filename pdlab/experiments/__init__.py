@@ -5,6 +5,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 
 from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
 from pdlab.experiments.calibrations import METHODS, CalibrationReport, Way, calibrate
+from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.descent import Facts, show
@@ -22,9 +23,11 @@ __all__ = [
     "METHODS",
     "Assumed",
     "CalibrationReport",
+    "Compared",
     "Corrected",
     "Exported",
     "Facts",
+    "MethodErrors",
     "PredictionReport",
     "Refreshed",
     "Registered",
@@ -36,6 +39,7 @@ __all__ = [
     "Way",
     "by_theory",
     "calibrate",
+    "compare",
     "comparisons",
     "correct",
     "counted",
