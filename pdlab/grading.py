@@ -307,9 +307,14 @@ def equivalent_diameter(grading: Grading, rule: str = DEFAULT_RULE) -> float:
 
     Raises GradingError when the rule is unknown or cannot be applied.
     """
+    check_rule(rule)
+    return RULES[rule](grading)
+
+
+def check_rule(rule: str) -> None:
+    """Raise GradingError unless there is a diameter rule of this name."""
     if rule not in RULES:
         raise GradingError(f"'{rule}' is no diameter rule; use one of {', '.join(RULES)}")
-    return RULES[rule](grading)
 
 
 def equivalent_diameters(grading: Grading, rules: Sequence[str] = tuple(RULES)) -> dict[str, float | None]:

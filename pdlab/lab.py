@@ -14,9 +14,11 @@ from pdlab import experiments, mixture, store, tables
 from pdlab.batch import Progress, Repeater, Runner, cores
 from pdlab.bedfiles import Bed, standing
 from pdlab.calibration import METHOD, SEEDS
+from pdlab.comparison import CONFIDENCE, SEED
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import (
     CalibrationReport,
+    Compared,
     Corrected,
     Exported,
     Facts,
@@ -34,7 +36,10 @@ SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
 """Feret's round pebbles in the table format, with their source in the folder above."""
 
 Texts = str | Iterable[str]
-PREDICTION_COLUMNS = store.SHOWN["predictions"]
+PREDICTION_COLUMNS = (
+    "mixture", "method", "packing_density", "standard_error", "input_error", "expected_error", "measured",
+    "difference", "toufar", "cpm", "state", "message",
+)  # fmt: skip
 
 
 class Lab:
@@ -122,8 +127,9 @@ class Lab:
         """Predict mixtures: the named, all, or those of a frame like mixtures.csv, which are registered.
 
         ``method``, ``rule``, ``leave_out``: as in ``calibrate``. ``seeds``: also beds of each mixture at first. The
-        frame returned has a row for each mixture: its packing density [-] with its errors, the measured one and
-        their difference. Raises TableError, UnknownName, InputError.
+        frame returned has a row for each mixture: its packing density [-] with its errors, the measured one, their
+        difference, and what Toufar's theory and the compressible packing model make of it. Raises TableError,
+        UnknownName, InputError.
         """
         way = Way(method, rule, seeds, leave_out)
         if isinstance(mixtures, pd.DataFrame):
@@ -148,6 +154,23 @@ class Lab:
         """
         way = Way(method, rule, seeds, leave_out)
         return experiments.sheet(self.store, self.runner, _texts(names), way)
+
+    def compare_report(
+        self, names: Texts = (), confidence: float = CONFIDENCE, seed: int = SEED, rule: str = DEFAULT_RULE
+    ) -> Compared:
+        """Set every method beside the measurements, mixture by mixture; see ``compare``."""
+        return experiments.compare(self.store, _texts(names), confidence, seed, rule, self.runner.engine_version)
+
+    def compare(
+        self, names: Texts = (), confidence: float = CONFIDENCE, seed: int = SEED, rule: str = DEFAULT_RULE
+    ) -> pd.DataFrame:
+        """Return how far every method is from the measured mixtures, the named or all: bias and errors in PD [-].
+
+        A row for each method ``over`` the ``common`` mixtures, which all methods have, and over its ``own``; intervals
+        by bootstrap of this ``confidence`` and ``seed``; what is fitted leaves the mixture itself out. ``rule``: for
+        the theories' equivalent diameter. Raises UnknownName, InputError where nothing is measured.
+        """
+        return comparison_frame(self.compare_report(names, confidence, seed, rule))
 
     def aggregates(
         self, where: Texts = (), columns: Texts = (), sort: Texts = (), limit: int | None = None
@@ -288,9 +311,34 @@ def _texts(given: Texts) -> list[str]:
 
 
 def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:
-    """Return reports as a frame with a row each."""
-    rows = [{name: getattr(report, name) for name in PREDICTION_COLUMNS} for report in reports]
+    """Return reports as a frame with a row each; a message also says why a theory is missing."""
+    rows = []
+    for report in reports:
+        notes = [note for note in (report.message, report.theory_message) if note]
+        rows.append({name: getattr(report, name) for name in PREDICTION_COLUMNS} | {"message": "; ".join(notes)})
     return pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS))
 
 
-__all__ = ["SHIPPED", "InputError", "Lab", "PdlabError", "prediction_frame"]
+def comparison_frame(found: Compared) -> pd.DataFrame:
+    """Return a comparison as a frame: each method's errors over the common mixtures and over its own."""
+    rows = []
+    for over, several in (("common", found.over_common), ("own", found.over_own)):
+        for one in several:
+            row: dict[str, object] = {"over": over, "method": one.method, "mixtures": one.errors.mixtures}
+            for name, figure in one.figures.items():
+                row |= {name: figure.value, f"{name}_low": figure.low, f"{name}_high": figure.high}
+            rows.append(row | {"largest_error": one.errors.largest, "largest_mixture": one.worst})
+    return pd.DataFrame(rows)
+
+
+def difference_frame(found: Compared) -> pd.DataFrame:
+    """Return a comparison mixture by mixture: the measured packing density and each method's less that [-]."""
+    rows = [
+        {"mixture": mixture, "measured": value}
+        | {method: found.difference(method, mixture) for method in found.outcomes}
+        for mixture, value in found.measured.items()
+    ]
+    return pd.DataFrame(rows)
+
+
+__all__ = ["SHIPPED", "InputError", "Lab", "PdlabError", "comparison_frame", "difference_frame", "prediction_frame"]

@@ -11,6 +11,7 @@ combined packing density and its log-mean diameter by solid volume. That is a ch
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,7 +99,7 @@ def volume_mean(materials: Sequence[Material], shares: ArrayLike, compaction: st
     ``shares`` of the solid volume, shape (M, S). Raises ShareError, ProtocolError.
     """
     part = _checked(materials, shares)
-    _check_compaction("volume_mean", materials, compaction)
+    check_compaction("volume_mean", materials, compaction)
     return np.asarray(part @ [material.packing_density for material in materials], dtype=np.float64)
 
 
@@ -113,7 +114,7 @@ def furnas(materials: Sequence[Material], shares: ArrayLike, compaction: str | N
     formula for any proportion is from memory.
     """
     part = _checked(materials, shares)
-    _check_compaction("furnas", materials, compaction)
+    check_compaction("furnas", materials, compaction)
     volume = np.zeros(len(part))
     for _, solid, bulk in _by_size(materials, part):
         volume = np.maximum(bulk, solid + volume)
@@ -131,7 +132,7 @@ def toufar(materials: Sequence[Material], shares: ArrayLike, compaction: str | N
     both from memory.
     """
     part = _checked(materials, shares)
-    _check_compaction("toufar", materials, compaction)
+    check_compaction("toufar", materials, compaction)
     fine, volume, log_sum = np.zeros(len(part)), np.zeros(len(part)), np.zeros(len(part))
     for diameter, solid, bulk in _by_size(materials, part):
         present = fine > 0.0
@@ -166,15 +167,27 @@ def cpm(materials: Sequence[Material], shares: ArrayLike, compaction: str | floa
     """
     part = _checked(materials, shares)
     index = _index_of(compaction)
-    beta = np.concatenate([np.full(len(m.sizes), residual_packing(m, index)) for m in materials])
-    classes = np.concatenate([_portions(m) for m in materials])
-    owner = np.repeat(np.arange(len(materials)), [len(m.sizes) for m in materials])
-    share = part[:, owner] * classes
-    bulk, solid = _interaction(np.concatenate([np.array(m.sizes) for m in materials]))
-    virtual = share @ (bulk / beta + solid).T  # 1/γ_i
-    return 1.0 / _compacted(share / beta, virtual, index)
+    sizes, solid = _by_class_size(materials)
+    bulk = solid / _residual_packings(materials, index)[:, None]
+    at_bulk, at_solid = _interaction(sizes)
+    weights = part @ bulk
+    virtual = weights @ at_bulk.T + (part @ solid) @ at_solid.T  # 1/γ_i
+    return 1.0 / _compacted(weights, virtual, index)
 
 
+def _by_class_size(materials: Sequence[Material]) -> tuple[Floats, Floats]:
+    """Return the sizes [mm] of all classes, each once, shape (D,), and each aggregate's share of them, (S, D).
+
+    What classes of one size take depends on their sum, so that there are no more of them than sieves in use.
+    """
+    sizes, place = np.unique(np.concatenate([material.sizes for material in materials]), return_inverse=True)
+    owner = np.repeat(np.arange(len(materials)), [len(material.sizes) for material in materials])
+    solid = np.zeros((len(materials), sizes.size))
+    np.add.at(solid, (owner, place), np.concatenate([_portions(material) for material in materials]))
+    return sizes, solid
+
+
+@lru_cache(maxsize=4096)
 def residual_packing(material: Material, index: float) -> float:
     """Return the residual packing density β [-] of an aggregate's classes, one for all of them.
 
@@ -184,14 +197,22 @@ def residual_packing(material: Material, index: float) -> float:
 
     Source: as ``cpm``.
     """
-    own = index if material.compaction is None else compaction_index(material.compaction)
-    weights, poles = _residual_terms(material)
-    beta = float(_compacted(weights[None], poles[None], own)[0])
-    if not beta < 1.0:
+    return float(_residual_packings([material], index)[0])
+
+
+def _residual_packings(materials: Sequence[Material], index: float) -> Floats:
+    """Return the residual packing density β [-] of each aggregate, shape (S,), see ``residual_packing``."""
+    own = np.array([index if m.compaction is None else compaction_index(m.compaction) for m in materials])
+    terms = [_residual_terms(material) for material in materials]
+    weights, poles = np.zeros((2, len(terms), max(len(weight) for weight, _ in terms)))
+    for k, (weight, pole) in enumerate(terms):
+        weights[k, : weight.size], poles[k, : pole.size] = weight, pole
+    beta = _compacted(weights, poles, own[:, None])
+    for k in map(int, np.flatnonzero(~(beta < 1.0))):
         raise DensityError(
-            f"packing density {material.packing_density:g} of the aggregate of {material.diameter:g} mm needs a "
-            f"residual packing density of {beta:.4g} at K = {own:g}, which must be below 1; check its test and "
-            f"compaction (K above {_least_index(material):.4g} would do)"
+            f"packing density {materials[k].packing_density:g} of the aggregate of {materials[k].diameter:g} mm needs "
+            f"a residual packing density of {beta[k]:.4g} at K = {own[k]:g}, which must be below 1; check its test and "
+            f"compaction (K above {_least_index(materials[k]):.4g} would do)"
         )
     return beta
 
@@ -202,6 +223,7 @@ def _least_index(material: Material) -> float:
     return float(np.sum(weights / (1.0 - poles)))
 
 
+@lru_cache(maxsize=1024)
 def _residual_terms(material: Material) -> tuple[Floats, Floats]:
     """Return C and G, shape (K,), of Σ C_k/(β − G_k) = K, the model of one aggregate solved for 1/β.
 
@@ -234,11 +256,11 @@ def _interaction(sizes: Floats) -> tuple[Floats, Floats]:
     return np.where(finer, loosening, wall), np.where(finer, 0.0, 1.0 - wall)
 
 
-def _compacted(weights: Floats, poles: Floats, index: float) -> Floats:
+def _compacted(weights: Floats, poles: Floats, index: float | Floats) -> Floats:
     """Return the u above all poles with Σ_i weights_i/(u − poles_i) = ``index``, shape (M,).
 
-    ``weights`` and ``poles``, shape (M, N); where a weight is zero, its pole does not count. Newton's method on
-    1/Σ − 1/index, which is concave and rises: from below it never passes the root.
+    ``weights`` and ``poles``, shape (M, N); where a weight is zero, its pole does not count. ``index``: one, or
+    shape (M, 1). Newton's method on 1/Σ − 1/index, which is concave and rises: from below it never passes the root.
     """
     present = weights > 0.0
     top = np.max(np.where(present, poles, -np.inf), axis=1, keepdims=True)
@@ -277,7 +299,7 @@ def fit_compaction_index(materials: Sequence[Material], shares: ArrayLike, measu
         raise ShareError(f"{target.size} measured packing densities for {len(part)} mixtures; give one of each")
     for value in target[~((target > 0.0) & (target < 1.0))]:
         raise DensityError(f"packing density {value:g} lies outside (0, 1); check it and its unit")
-    ends = math.log(max(map(_least_index, alike)) * 1.001), math.log(LARGEST_INDEX)
+    ends = log_index_range(alike)
     moved = np.abs(np.subtract(*(cpm(alike, part, math.exp(end)) for end in ends))) > MOVED
     if moved.sum() < MIN_DATA:
         raise TooFewData(
@@ -285,6 +307,11 @@ def fit_compaction_index(materials: Sequence[Material], shares: ArrayLike, measu
             "measure mixtures of aggregates of different sizes"
         )
     return _least_squares(alike, part[moved], target[moved], ends)
+
+
+def log_index_range(materials: Sequence[Material]) -> tuple[float, float]:
+    """Return the logarithms of the least and the greatest compaction index to try, see ``fit_compaction_index``."""
+    return math.log(max(map(_least_index, materials)) * 1.001), math.log(LARGEST_INDEX)
 
 
 def _least_squares(
@@ -325,15 +352,15 @@ def _checked(materials: Sequence[Material], shares: ArrayLike) -> Floats:
     return np.asarray(part / part.sum(axis=1, keepdims=True), dtype=np.float64)
 
 
-def _check_compaction(theory: str, materials: Sequence[Material], compaction: str | None) -> None:
-    """Raise ProtocolError where a theory would mix packing densities of different compaction."""
+def check_compaction(method: str, materials: Sequence[Material], compaction: str | None) -> None:
+    """Raise ProtocolError where a method that knows no compaction would mix packing densities of different ones."""
     ways = {material.compaction for material in materials} | {compaction}
     known = {"loose" if way == "unstated" else way for way in ways if way is not None}
     for way in known:
         compaction_index(way)
     if len(known) > 1:
         raise ProtocolError(
-            f"{theory} knows no compaction and cannot mix {' and '.join(sorted(known))}; enter tests of the same "
+            f"{method} knows no compaction and cannot mix {' and '.join(sorted(known))}; enter tests of the same "
             "kind, or use cpm"
         )
 

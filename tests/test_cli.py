@@ -34,7 +34,7 @@ def refused(done: subprocess.CompletedProcess[str], *sentences: str) -> None:
 def test_version_and_help(tmp_path: Path) -> None:
     assert pdlab("--version", folder=tmp_path).stdout.startswith("pdlab 0.")
     text = pdlab("--help", folder=tmp_path).stdout
-    for verb in ("demo", "import", "export", "calibrate", "predict", "ls", "serve", "db"):
+    for verb in ("demo", "import", "export", "calibrate", "predict", "compare", "ls", "serve", "db"):
         assert verb in text
     assert not list(tmp_path.iterdir())
 
@@ -126,10 +126,44 @@ def test_calibrate_and_predict_print_tables_and_write_csv(small_lab: Path) -> No
     done = pdlab("predict", "-o", "out.csv", folder=small_lab)
     assert done.returncode == 0, done.stderr
     assert "mean absolute error over 3 mixtures" in done.stdout
+    assert "(volume mean of the aggregates: 0.0373; Toufar: 0.0106; CPM: 0.0115)" in done.stdout
+    table = [line for line in done.stdout.splitlines() if line.startswith("  pebbles L+M 1:1")][-1].split()
+    assert table[-4:] == ["0.6060", "0.6378", "0.6419", "done"]
     frame = pd.read_csv(small_lab / "out.csv")
     assert list(frame["mixture"]) == ["pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"]
     assert (frame["difference"] - (frame["packing_density"] - frame["measured"])).abs().max() < 1e-12
     assert "pebbles L+F 1:1" in pdlab("ls", "predictions", folder=small_lab).stdout
+
+
+def test_compare_prints_every_mixture_and_every_method_and_writes_both_as_csv(small_lab: Path) -> None:
+    done = pdlab("compare", "--confidence", "0.9", "--seed", "4", "-o", "figures.csv", folder=small_lab)
+    assert done.returncode == 0, done.stderr
+    assert max(map(len, done.stdout.splitlines())) <= 140
+    mixture = next(line for line in done.stdout.splitlines() if line.startswith("  pebbles L+F 1:1")).split()
+    assert mixture[3:4] + mixture[-3:-1] == ["0.6440", "+0.0140", "+0.0161"]
+    assert "Errors over the 3 mixtures that all methods have (90 % intervals by bootstrap, seed 4)" in done.stdout
+    assert "over all that it has" not in done.stdout
+    rows = {line[:18].strip(): line for line in done.stdout.splitlines() if " (" in line}
+    assert "0.0106 (0.007, 0.014)" in rows["Toufar"]
+    assert "-0.0373" in rows["volume mean"]
+    assert "measured PDs have a standard error of 0.0050, which is in every difference" in done.stdout
+    assert "note: intervals over fewer than 10 mixtures are too narrow" in done.stdout
+    assert done.stdout.endswith("written to figures.csv\nwritten to figures-mixtures.csv\n")
+    figures = pd.read_csv(small_lab / "figures.csv").query("over == 'common'").set_index("method")
+    off = pd.read_csv(small_lab / "figures-mixtures.csv")
+    assert list(off["mixture"]) == ["pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"]
+    for method, row in figures.iterrows():
+        assert abs(off[str(method)].abs().mean() - row["mean_absolute_error"]) < 1e-12
+    two = pdlab("compare", "pebbles L+M 1:1", "pebbles M+F 1:1", folder=small_lab).stdout
+    assert "note: no interval where 2 mixtures say nothing of an interval, it takes 3" in two
+    assert "note: CPM, own K lacks pebbles L+M 1:1, pebbles M+F 1:1: 1 other mixtures depend on the" in two
+
+
+def test_compare_refuses_what_it_cannot_compare_or_write(small_lab: Path, tmp_path: Path) -> None:
+    refused(pdlab("compare", "--confidence", "95", folder=small_lab), "confidence 95 must lie between 0 and 1")
+    refused(pdlab("compare", "-o", "figures.txt", folder=small_lab), "figures.txt does not end in .csv")
+    refused(pdlab("compare", "--rule", "mean", folder=small_lab), "'mean' is no diameter rule")
+    refused(pdlab("compare", folder=tmp_path), "none of these mixtures has a density test")
 
 
 def test_lab_predicts_a_frame_of_mixtures(small_lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 PREDICTION = (
     "predicted", "standard_error", "input_error", "expected_error", "measured", "difference", "volume_mean",
+    "toufar", "cpm",
 )  # fmt: skip
 DEMO_STORE = "sqlite:///pdlab-demo.db"
 
@@ -80,7 +81,8 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
         [
             report.mixture, number(report.packing_density), number(report.standard_error),
             number(report.input_error), number(report.expected_error), number(report.measured),
-            number(report.difference, sign=True), number(report.volume_mean), report.state,
+            number(report.difference, sign=True), number(report.volume_mean), number(report.toufar), number(report.cpm),
+            report.state,
         ]
         for report in reports
     ]  # fmt: skip
@@ -96,12 +98,26 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
     )
     compared = [report for report in reports if report.difference is not None and report.measured is not None]
     if compared:
-        own = sum(abs(report.difference or 0.0) for report in compared) / len(compared)
-        plain = sum(abs((report.volume_mean or 0.0) - (report.measured or 0.0)) for report in compared) / len(compared)
+        beside = {"volume mean of the aggregates": "volume_mean", "Toufar": "toufar", "CPM": "cpm"}
+        others = {text: _mean_error(compared, name) for text, name in beside.items()}
+        known = "; ".join(f"{text}: {value:.4f}" for text, value in others.items() if value is not None)
         print(
-            f"mean absolute error over {len(compared)} mixtures: {own:.4f} (volume mean of the aggregates: {plain:.4f})"
+            f"mean absolute error over {len(compared)} mixtures: {_mean_error(compared, 'packing_density'):.4f} "
+            f"({known or 'nothing else is known of all of them'})"
         )
     _print_notes((report.mixture, text) for report in reports if report.error is None for text in report.notes)
+    _print_notes((report.mixture, report.theory_message) for report in reports)
+
+
+def _mean_error(reports: Sequence["PredictionReport"], name: str) -> float | None:
+    """Return the mean absolute error of one quantity against the measured ones, None where one has none."""
+    errors = list[float]()
+    for report in reports:
+        value = getattr(report, name)
+        if value is None or report.measured is None:
+            return None
+        errors.append(abs(value - report.measured))
+    return sum(errors) / len(errors)
 
 
 def demo(store: Store = None, workers: Workers = None) -> None:

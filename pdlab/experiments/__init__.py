@@ -5,6 +5,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 
 from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
 from pdlab.experiments.calibrations import METHODS, CalibrationReport, Way, calibrate
+from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.descent import Facts, show
@@ -14,6 +15,7 @@ from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register
+from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 
 __all__ = [
@@ -21,18 +23,23 @@ __all__ = [
     "METHODS",
     "Assumed",
     "CalibrationReport",
+    "Compared",
     "Corrected",
     "Exported",
     "Facts",
+    "MethodErrors",
     "PredictionReport",
     "Refreshed",
     "Registered",
     "RunAll",
     "Sheet",
     "Summary",
+    "Theoretical",
     "Verified",
     "Way",
+    "by_theory",
     "calibrate",
+    "compare",
     "comparisons",
     "correct",
     "counted",

@@ -11,7 +11,7 @@ from pdlab.calibration import GRADED, MONOSIZED, ROLLING, Ladder
 from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
 from pdlab.experiments.curves import Curves, RunAll
 from pdlab.experiments.readings import (
-    current_grading,
+    current_tests,
     doubts,
     measured_test,
     particle_density,
@@ -173,11 +173,7 @@ def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], wa
 
 
 def _open_calibration(row: Aggregate, way: Way) -> _Open:
-    sieved, test = current_grading(row, way.pan_factor), store.newest_test(row.packing_tests)
-    if sieved is None:
-        raise InputError(f"aggregate '{row.name}' has no sieve analysis; enter one")
-    if test is None:
-        raise InputError(f"aggregate '{row.name}' has no density test; enter one")
+    sieved, test = current_tests(row, way.pan_factor)
     one = _Open(row, row.sieve_analyses[-1], sieved, test, way, doubts(row, sieved, test))
     one.warnings += one.measured.warnings
     if way.leave_out is not None and way.method in (GRADED, AUTO):

@@ -6,20 +6,25 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from pdlab import mixture, store
+from pdlab import grading, mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import InputError, PdlabError, TooSoft
 from pdlab.experiments.calibrations import CalibrationReport, Way, calibrate_rows, calibration_report
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
-from pdlab.models import Mixture, Prediction, PredictionCalibration, PredictionRun, now
+from pdlab.experiments.theories import Theoretical, components_of, evaluate, recipes
+from pdlab.grading import DEFAULT_RULE
+from pdlab.models import Aggregate, Mixture, Prediction, PredictionCalibration, PredictionRun, now
 from pdlab.specimen import LOOSE, Packing, Specimen
 from pdlab.store import Store
 
 
 @dataclass(frozen=True)
 class PredictionReport:
-    """A mixture's prediction beside its measurement, or the error that stands in its place."""
+    """A mixture's prediction beside its measurement, or the error that stands in its place.
+
+    ``furnas``, ``toufar``, ``cpm``: what theory makes of the current tests, and why not in ``theory_message``.
+    """
 
     mixture: str
     method: str = METHOD
@@ -32,6 +37,10 @@ class PredictionReport:
     measured: float | None = None
     measured_error: float | None = None
     volume_mean: float | None = None
+    furnas: float | None = None
+    toufar: float | None = None
+    cpm: float | None = None
+    theory_message: str = ""
     seeds: int | None = None
     state: str = "done"
     notes: tuple[str, ...] = ()
@@ -78,20 +87,21 @@ def predict(
         rows = store.mixtures(session, names)
     if not rows:
         raise InputError("the store holds no mixture yet; import some, or run 'pdlab demo'")
-    ids = list(dict.fromkeys(part.aggregate_id for row in rows for part in row.components))
     with target.read() as session:
-        parts = store.aggregates_by_id(session, ids)
+        parts = store.aggregates_by_id(session, components_of(rows))
     known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, way)}
     blends = [_open_blend(row, known) for row in rows]
     _run_blends(blends, run_all, way.seeds)
     saved = [_save_prediction(target, blend, way) for blend in blends]
     fresh = _reports(target, saved)
-    return [
+    reports = [
         fresh[key]
         if blend.error is None
         else PredictionReport(blend.row.name, way.method, state="failed", notes=(str(blend.error),), error=blend.error)
         for key, blend in zip(saved, blends, strict=True)
     ]
+    beside = evaluate(recipes(rows, parts, way.rule))
+    return [_with_theory(report, one) for report, one in zip(reports, beside, strict=True)]
 
 
 def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
@@ -216,6 +226,7 @@ def comparisons(
         newest_engine = engine_version or store.newest_engine(session)
         found = store.newest_predictions(session, [row.id for row in rows])
         spread = store.differences(session)
+        parts = store.aggregates_by_id(session, components_of(rows))
     predicted = [one for several in found.values() for one in several]
     fits = {link.calibration_id: link.calibration for one in predicted for link in one.calibrations}
     stale = {key for key, fit in fits.items() if is_stale(fit)}
@@ -225,10 +236,36 @@ def comparisons(
         for report in [_comparison(one, _outdated(one, stale, newest_engine)) for one in found.get(row.id, [])]
         or [_open_comparison(row)]
     ]
+    beside = {rule: _by_mixture(rows, parts, rule) for rule in {_one_rule(report) for report in reports}}
     return [
-        _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0)))
+        _with_theory(
+            _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0))),
+            beside[_one_rule(report)][report.mixture],
+        )
         for report in reports
     ]
+
+
+def _by_mixture(rows: Sequence[Mixture], parts: Sequence[Aggregate], rule: str) -> dict[str, Theoretical]:
+    """Return what theory makes of mixtures, by name."""
+    return {one.mixture: one for one in evaluate(recipes(rows, parts, rule))}
+
+
+def _one_rule(report: PredictionReport) -> str:
+    """Return the diameter rule of a report, the default where there is none or several."""
+    return report.rule if report.rule in grading.RULES else DEFAULT_RULE
+
+
+def _with_theory(report: PredictionReport, beside: Theoretical) -> PredictionReport:
+    """Set a mixture's packing densities by theory beside its prediction, and say which are missing and why."""
+    said = dict[str, list[str]]()
+    for name, error in beside.errors.items():
+        said.setdefault(str(error), []).append(name)
+    text = "; ".join(f"no {', '.join(names)}: {error}" for error, names in said.items())
+    values = beside.values
+    return replace(
+        report, furnas=values.get("furnas"), toufar=values.get("toufar"), cpm=values.get("cpm"), theory_message=text
+    )
 
 
 def _open_comparison(row: Mixture) -> PredictionReport:

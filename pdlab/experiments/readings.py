@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pdlab import density, grading, store
 from pdlab.calibration import GRADED
 from pdlab.density import MeasuredPacking
-from pdlab.errors import GradingError
+from pdlab.errors import GradingError, InputError
 from pdlab.grading import Grading
 from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run
 from pdlab.specimen import Packing, Protocol, protocol_of
@@ -60,6 +60,16 @@ def current_grading(aggregate: Aggregate, pan_factor: float = 1.0) -> Grading | 
     if not aggregate.sieve_analyses:
         return None
     return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]), pan_factor)
+
+
+def current_tests(aggregate: Aggregate, pan_factor: float = 1.0) -> tuple[Grading, PackingTest]:
+    """Return an aggregate's current grading and density test. Raises InputError where one is missing."""
+    sieved, test = current_grading(aggregate, pan_factor), store.newest_test(aggregate.packing_tests)
+    if sieved is None:
+        raise InputError(f"aggregate '{aggregate.name}' has no sieve analysis; enter one")
+    if test is None:
+        raise InputError(f"aggregate '{aggregate.name}' has no density test; enter one")
+    return sieved, test
 
 
 def packing_of(run: Run) -> Packing:
