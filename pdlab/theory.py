@@ -176,10 +176,8 @@ def cpm(materials: Sequence[Material], shares: ArrayLike, compaction: str | floa
 
 
 def _by_class_size(materials: Sequence[Material]) -> tuple[Floats, Floats]:
-    """Return the sizes [mm] of all classes, each once, shape (D,), and each aggregate's share of them, (S, D).
-
-    What classes of one size take depends on their sum, so that there are no more of them than sieves in use.
-    """
+    """Return the sizes [mm] of all classes, each once, shape (D,), and each aggregate's shares of them, (S, D)."""
+    # what classes of one size take depends on their sum only, and aggregates share sieves
     sizes, place = np.unique(np.concatenate([material.sizes for material in materials]), return_inverse=True)
     owner = np.repeat(np.arange(len(materials)), [len(material.sizes) for material in materials])
     solid = np.zeros((len(materials), sizes.size))
