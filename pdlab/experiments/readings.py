@@ -118,6 +118,12 @@ def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest) -> list[str
             f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than "
             f"{NARROW:g}: the wall's effect on the measured PD lies in the friction coefficient"
         )
+    absorbed = aggregate.water_absorption_percent or 0.0
+    if (test.moisture_percent or 0.0) > absorbed:
+        out.append(
+            f"the tested material held {test.moisture_percent:g} % of water, more than the {absorbed:g} % it absorbs: "
+            "bulking, which no bed here knows, lowers its packing density"
+        )
     fines = grading.passing_at(sieved, COHESIVE)
     if fines > MOST_COHESIVE:
         out.append(
