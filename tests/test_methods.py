@@ -163,6 +163,10 @@ def test_what_was_left_out_stands_with_the_result(lab: Store, folder: Folder, fo
     cut = calibrate(lab, formula_runner(lab), ["sand"], Way("graded", leave_out=2.0))[0]
     assert cut.result is not None
     assert "60 % of the solids, finer than 2 mm, are left out" in cut.result.warnings
+    (other,) = calibrate(lab, formula_runner(lab), ["sand"], Way("auto", leave_out=2.0))
+    assert other.result is not None
+    assert other.method == "monosized"
+    assert not any("left out" in text for text in other.result.warnings)
 
 
 def test_graded_spheres_beyond_the_cap_say_how_many_and_what_to_leave_out(
@@ -179,7 +183,14 @@ def test_graded_spheres_beyond_the_cap_say_how_many_and_what_to_leave_out(
 
 
 def test_a_rule_seeds_or_sizes_that_make_no_sense_are_refused() -> None:
-    for wrong in ({"method": "magic"}, {"rule": "median"}, {"seeds": 1}, {"leave_out": 0.0}):
+    one_size = {"method": "monosized", "leave_out": 2.0}
+    for wrong in (
+        {"method": "magic"},
+        {"rule": "median"},
+        {"seeds": 1},
+        {"method": "graded", "leave_out": 0.0},
+        one_size,
+    ):
         with pytest.raises(InputError):
             Way(**wrong)  # type: ignore[arg-type]
 

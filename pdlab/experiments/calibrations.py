@@ -55,6 +55,10 @@ class Way:
             raise InputError(f"{self.seeds} seeds give no standard error; use at least {calibration.LEAST_SEEDS}")
         if self.leave_out is not None and not self.leave_out > 0.0:
             raise InputError(f"a size of {self.leave_out:g} mm leaves nothing out; give one above 0")
+        if self.leave_out is not None and self.method not in (GRADED, AUTO):
+            raise InputError(
+                f"'{self.method}' has one size, of which nothing can be left out; use the method '{GRADED}' or '{AUTO}'"
+            )
 
     def protocol(self, test: PackingTest) -> Protocol:
         """Return how a density test is simulated."""
@@ -96,6 +100,7 @@ class _Open:
     grading: Grading
     test: PackingTest
     way: Way
+    method: str
     warnings: list[str]
     choice: str = ""
     result: calibration.Calibrated | None = None
@@ -114,14 +119,14 @@ class _Open:
 
     def ladder(self, method: str | None = None) -> Ladder:
         """Return the beds of its curve, in units of its largest sphere: aggregates alike but for size share them."""
-        method = method or self.way.method
+        method = method or self.method
         sizes = self.sizes(method)
         reduced = tuple((on_grid(size / sizes[0][0]), on_grid(share)) for size, share in sizes)
         return Ladder(method, reduced, self.way.protocol(self.test))
 
     def facts(self) -> dict[str, Any]:
         """Return what the calibration is worked out from, as its row names it."""
-        method = self.way.method
+        method = self.method
         return {
             "sieve_analysis_id": self.analysis.id,
             "packing_test_id": self.test.id,
@@ -174,27 +179,21 @@ def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], wa
 
 def _open_calibration(row: Aggregate, way: Way) -> _Open:
     sieved, test = current_tests(row, way.pan_factor)
-    one = _Open(row, row.sieve_analyses[-1], sieved, test, way, doubts(row, sieved, test))
+    one = _Open(row, row.sieve_analyses[-1], sieved, test, way, way.method, doubts(row, sieved, test))
     one.warnings += one.measured.warnings
-    if way.leave_out is not None and way.method in (GRADED, AUTO):
-        kept = sum(share for size, share in grading.sieve_classes(sieved) if size >= way.leave_out)
-        if kept < 1.0:
-            one.warnings.append(
-                f"{100.0 * (1.0 - kept):.3g} % of the solids, finer than {way.leave_out:g} mm, are left out"
-            )
     return one
 
 
 def _choose(target: Store, waiting: list[_Open], curves: Curves) -> None:
     """Take for each aggregate the first method that reaches its density: monosized, then rolling, then graded."""
     for one in waiting:
-        one.way = replace(one.way, method=MONOSIZED)
+        one.method = MONOSIZED
     _work_out(target, waiting, curves)
     for method, looser in ((ROLLING, True), (GRADED, False)):
         further = [one for one in waiting if isinstance(one.error, OutOfReach) and one.error.looser == looser]
         for one in further:
             one.choice = f"'{method}' is taken, since {one.error}"
-            one.way, one.error = replace(one.way, method=method), None
+            one.method, one.error = method, None
         _work_out(target, further, curves)
 
 
@@ -214,7 +213,7 @@ def _work_out(target: Store, waiting: list[_Open], curves: Curves) -> None:
         known = None if one.error else curves.known(one.ladder())
         if known is not None:
             try:
-                one.result = calibration.solve(one.measured, known, one.way.method)
+                one.result = calibration.solve(one.measured, known, one.method)
             except OutOfReach as error:
                 one.error = error
 
@@ -273,7 +272,7 @@ def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     curves.load(ladders)
     curves.extend({(ladder, calibration.NODES[end]): one.way.seeds for ladder in ladders for end in (0, -1)})
     reaches = {ladder.method: curves.reach(ladder) for ladder in ladders}
-    if one.way.method == GRADED:
+    if one.method == GRADED:
         reaches[GRADED] = curves.reach(one.ladder())
     spans = [f"'{method}' spans {calibration.span(reach)}" for method, reach in reaches.items()]
     if GRADED not in reaches and not error.looser and len(one.sizes(GRADED)) > 1:
@@ -281,8 +280,8 @@ def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     value = one.measured.packing_density
     reaching = [method for method, (low, high) in reaches.items() if (low or 0.0) <= value <= (high or 1.0)]
     return OutOfReach(
-        f"packing density {value:.4g} is out of reach of '{one.way.method}': {'; '.join(spans)}; "
-        f"{_remedy(one, error.looser, [method for method in reaching if method != one.way.method])}",
+        f"packing density {value:.4g} is out of reach of '{one.method}': {'; '.join(spans)}; "
+        f"{_remedy(one, error.looser, [method for method in reaching if method != one.method])}",
         error.looser,
     )
 
@@ -293,7 +292,7 @@ def _remedy(one: _Open, looser: bool, reaching: Sequence[str]) -> str:
         return f"use the method '{reaching[0]}', or '{AUTO}'"
     if looser:
         return "no method of spheres is so loose: check the test"
-    if one.way.method != GRADED and len(one.sizes(GRADED)) > 1:
+    if one.method != GRADED and len(one.sizes(GRADED)) > 1:
         return f"use the method '{GRADED}', or '{AUTO}'"
     return "no bed of these spheres is so dense: check the test and its compaction, or sieve into more classes"
 
@@ -305,7 +304,7 @@ def _row_facts(one: _Open, curves: Curves) -> dict[str, Any]:
         return facts | {"state": "failed", "message": str(one.error)}
     result, ends = one.result, (one.result.low, one.result.high)
     friction, rolling = one.ladder().coefficients(result.value)
-    of_rolling = one.way.method == ROLLING
+    of_rolling = one.method == ROLLING
     return facts | {
         "state": "done",
         "message": None,
@@ -318,8 +317,17 @@ def _row_facts(one: _Open, curves: Curves) -> dict[str, Any]:
         "packing_density": result.packing_density,
         "input_error": result.input_error,
         "curve_error": result.curve_error,
-        "warnings": "\n".join([*one.warnings, *result.warnings]) or None,
+        "warnings": "\n".join([*one.warnings, *_left_out(one), *result.warnings]) or None,
     }
+
+
+def _left_out(one: _Open) -> list[str]:
+    """Return what was left out of an aggregate's graded spheres."""
+    finest = one.way.leave_out
+    if one.method != GRADED or finest is None:
+        return []
+    lost = math.fsum(share for size, share in grading.sieve_classes(one.grading) if size < finest)
+    return [f"{100.0 * lost:.3g} % of the solids, finer than {finest:g} mm, are left out"] if lost else []
 
 
 def _save(target: Store, ready: list[_Open], curves: Curves) -> list[CalibrationReport]:
