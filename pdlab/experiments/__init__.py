@@ -13,6 +13,7 @@ from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
+from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register
 from pdlab.experiments.theories import Theoretical, by_theory
@@ -21,6 +22,7 @@ from pdlab.experiments.verification import Verified, verify
 __all__ = [
     "CHOICES",
     "METHODS",
+    "REFERENCES",
     "Assumed",
     "CalibrationReport",
     "Compared",

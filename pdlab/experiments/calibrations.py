@@ -19,6 +19,7 @@ from pdlab.experiments.readings import (
     protocol_text,
     spheres_text,
 )
+from pdlab.experiments.references import REFERENCES
 from pdlab.grading import DEFAULT_RULE, Grading
 from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
 from pdlab.specimen import LOOSE, Protocol, Sizes, on_grid, protocol_of
@@ -47,8 +48,9 @@ class Way:
     pan_factor: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.method not in (*METHODS, AUTO):
-            raise InputError(f"'{self.method}' is no method that calibrates; use one of {', '.join((*METHODS, AUTO))}")
+        known = (*METHODS, AUTO, *REFERENCES)
+        if self.method not in known:
+            raise InputError(f"'{self.method}' is no method; use one of {', '.join(known)}")
         if self.rule not in grading.RULES:
             raise InputError(f"'{self.rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
         if self.seeds < calibration.LEAST_SEEDS:
@@ -148,8 +150,12 @@ def calibrate(
 
     A calibration of the same tests by the same engine is read, never worked out again, unless more ``seeds`` than
     usual are asked for. Runs are shared: what is simulated for one aggregate serves the curve of the next. Raises
-    UnknownName.
+    UnknownName, and InputError for a geometric reference.
     """
+    if way is not None and way.method in REFERENCES:
+        raise InputError(
+            f"'{way.method}' is a geometric reference and calibrates nothing; use {', '.join(METHODS)} or {AUTO}"
+        )
     with target.read() as session:
         rows = store.aggregates(session, names)
     if not rows:
