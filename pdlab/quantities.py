@@ -24,6 +24,7 @@ QUANTITIES = {
         Quantity("bulk_density_kg_m3", "bulk density", "kg/m³", "oven-dry bulk density"),
         Quantity("voids_percent", "voids", "%", "voids between the grains"),
         Quantity("packing_density", "packing density", "", "packing density PD"),
+        Quantity("repose_angle_deg", "angle of repose", "°", "angle of repose of a heap"),
         Quantity("measured", "measured PD", "", "measured packing density PD"),
         Quantity("measured_error", "± measured", "", "standard error of the measured packing density"),
         Quantity("simulated", "simulated PD", "", "packing density of the calibrated spheres"),

@@ -156,7 +156,11 @@ def _engine(run: Facts) -> str:
 
 
 def _result(run: Facts) -> str:
-    result = f"PD {run['packing_density']:.5f}" if run["packing_density"] is not None else run["error"] or run["state"]
+    result = run["error"] or run["state"]
+    if run["packing_density"] is not None:
+        result = f"PD {run['packing_density']:.5f}"
+    elif run["repose_angle_deg"] is not None:
+        result = f"angle of repose {run['repose_angle_deg']:.2f}°"
     contacts = f", {run['coordination_number']:.3f} contacts" if run["coordination_number"] is not None else ""
     steps = f", {run['steps']} steps" if run["steps"] is not None else ""
     return f"seed {run['seed']}, {result}{contacts}{steps}"

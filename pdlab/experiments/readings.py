@@ -73,10 +73,10 @@ def current_tests(aggregate: Aggregate, pan_factor: float = 1.0) -> tuple[Gradin
 
 
 def packing_of(run: Run) -> Packing:
-    """Return a stored run as the packing that it gave."""
+    """Return a stored run as the packing, or the heap, that it gave."""
     return Packing(
         digest=run.specimen_hash,
-        packing_density=float(run.packing_density or 0.0),
+        packing_density=math.nan if run.packing_density is None else run.packing_density,
         coordination_number=float(run.coordination_number or 0.0),
         height=float(run.height or 0.0),
         slab_shares=tuple(json.loads(run.slab_shares or "[]")),
@@ -86,6 +86,7 @@ def packing_of(run: Run) -> Packing:
         seconds=float(run.seconds or 0.0),
         engine_version=run.engine_version,
         warnings=tuple((run.warnings or "").splitlines()),
+        repose_angle_deg=run.repose_angle_deg,
     )
 
 
