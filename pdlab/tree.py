@@ -88,9 +88,9 @@ def _coefficient(facts: Facts) -> str:
 
 
 def _measured(facts: Facts) -> str:
-    density, angle = facts["measured_packing_density"], facts["measured_angle_deg"]
+    density, angle, wall = (facts[name] for name in ("measured_packing_density", "measured_angle_deg", "wall_friction"))
     said = ([] if density is None else [f"{density:.4f}"]) + ([] if angle is None else [f"angle of repose {angle:g}°"])
-    return f"measured {' and '.join(said) or 'nothing'}"
+    return f"measured {' and '.join(said) or 'nothing'}" + ("" if wall is None else f", wall friction {wall:.4g}")
 
 
 def _method(facts: Facts) -> str:
