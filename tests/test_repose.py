@@ -19,7 +19,7 @@ from rich.console import Console
 from pdlab import bedfiles, packing
 from pdlab.angles import MeasuredAngle
 from pdlab.batch import Repeater, Runner
-from pdlab.calibration import ANGLE, Curve, CurvePoint, beside, equal_beds, meet, packed
+from pdlab.calibration import ANGLE, NODES, Curve, CurvePoint, Ladder, beside, equal_beds, meet, packed, reach
 from pdlab.cli.predicting import _show_calibrations
 from pdlab.errors import AngleError, OutOfReach
 from pdlab.experiments import (
@@ -91,36 +91,49 @@ def test_a_heap_repeats_to_the_bit(heaped: tuple[Store, Packing]) -> None:
     assert found.stored == found.repeated == said.repose_angle_deg
 
 
+def test_an_angle_that_is_off_in_its_last_bit_is_found(heaped: tuple[Store, Packing]) -> None:
+    target, said = heaped
+    off = float(np.nextafter(said.repose_angle_deg or 0.0, 90.0))
+
+    def repeat(beds: Any) -> Any:
+        with target.read() as session:
+            run, kept = session.get(Run, said.digest), session.get(RunState, said.digest)
+            assert run is not None
+            return [(spoiled(run, repose_angle_deg=off), kept) for _ in beds]
+
+    (found,) = verify(target, repeat, packing.VERSION)
+    assert (found.verdict, found.message) == ("differs", "not equal: repose_angle_deg")
+
+
+@pytest.mark.parametrize("angles", [(20.0, 21.0, 19.5, 20.5), (20.0, 21.0)], ids=["own seeds", "pooled"])
 @pytest.mark.parametrize(("off", "verdict"), [(2.9, "within 3 standard errors"), (3.1, "differs")])
 def test_elsewhere_an_angle_is_judged_by_the_scatter_of_angles_alone(
-    heaped: tuple[Store, Packing], tmp_path: Path, off: float, verdict: str
+    heaped: tuple[Store, Packing], tmp_path: Path, angles: tuple[float, ...], off: float, verdict: str
 ) -> None:
     with heaped[0].read() as session:
         first = session.get(Run, heaped[1].digest)
         assert first is not None
-        values = {column.name: getattr(first, column.name) for column in sa.inspect(Run).columns}
-    target, angles = open_store(str(tmp_path / "lab.db")), (20.0, 21.0, 19.5, 20.5)
-    beds = [replace(HEAP, seed=seed) for seed in range(1, 5)]
+    target, deviation = open_store(str(tmp_path / "lab.db")), float(np.std(angles, ddof=1))
+    heaps = [(replace(HEAP, seed=k), {"repose_angle_deg": angle}) for k, angle in enumerate(angles, 1)]
+    beds = [(equal_spheres(0.3, k), {"repose_angle_deg": None, "packing_density": 0.5 + 0.001 * k}) for k in (1, 2)]
     with target.write() as session:
-        for bed, angle in zip(beds, angles, strict=True):
-            text = {"specimen_hash": bed.digest(packing.VERSION), "specimen": bed.canonical(packing.VERSION)}
-            session.add(Run(**values | text | {"repose_angle_deg": angle, "processor": "z80"}))
-        session.add(Run(**values | {"specimen_hash": "0" * 64, "specimen": "{}", "repose_angle_deg": None,
-                                    "packing_density": 0.6, "engine_version": 1}))  # fmt: skip
-    deviation = float(np.std(angles, ddof=1))
+        for one, values in (*heaps, *beds):
+            text = {"specimen_hash": one.digest(packing.VERSION), "specimen": one.canonical(packing.VERSION)}
+            session.add(spoiled(first, processor="z80", **text, **values))
 
     def repeat(specimens: Any) -> Any:
         here = packing.fingerprint()
         moved = {"processor": here["cpu"], "numba_version": here["numba"]}
         with target.read() as session:
-            rows = [session.get(Run, bed.digest(packing.VERSION)) for bed in specimens]
+            rows = [session.get_one(Run, one.digest(packing.VERSION)) for one in specimens]
+            further = off * 2.0**0.5 * deviation
+            angles = [row.repose_angle_deg and row.repose_angle_deg + further for row in rows]
             return [
-                (spoiled(row, repose_angle_deg=row.repose_angle_deg + off * 2.0**0.5 * deviation, **moved), None)
-                for row in rows
-                if row is not None
+                (spoiled(row, repose_angle_deg=angle, **moved), None) for row, angle in zip(rows, angles, strict=True)
             ]
 
-    found = [one for one in verify(target, repeat, packing.VERSION) if one.verdict != "another engine version"]
+    found = [one for one in verify(target, repeat, packing.VERSION) if one.quantity == "repose_angle_deg"]
+    assert len(found) == len(angles)
     assert {one.verdict for one in found} == {verdict}
     assert found[0].allowed == pytest.approx(3.0 * 2.0**0.5 * deviation)
     target.close()
@@ -258,9 +271,29 @@ def test_the_angle_s_error_becomes_one_in_packing_density_by_their_slope_and_the
     assert seeds < found.curve_error < 0.5 * found.input_error
 
 
+@pytest.mark.parametrize("deviation", [0.0, 0.4])
+def test_the_curve_s_error_is_the_beds_scatter_and_the_angle_curve_s_own_by_the_same_slope(deviation: float) -> None:
+    known = Curve(tuple(CurvePoint(mu, formula_angle(mu), deviation, 4) for mu in NODES), ANGLE)
+    measured = MeasuredAngle(formula_angle(0.2), 1.0)
+    met = meet(measured, known)
+    assert met.value == 0.2
+    beds = {
+        mu: [formula_packing(bed) for bed in equal_beds(mu, VIBRATED)] for mu in (0.2, *beside(met, measured, known))
+    }
+    found = packed(met, measured, known, beds)
+    seeds = float(np.std([bed.packing_density for bed in beds[0.2]], ddof=1)) / 2.0
+    assert found.curve_error == pytest.approx(math.hypot(seeds, found.input_error * deviation / 2.0))
+
+
+def test_the_reach_of_heaps_goes_from_the_flattest_to_the_steepest() -> None:
+    ladder = Ladder("repose", ((1.0, 1.0),), REPOSE)
+    nodes = {mu: [formula_packing(bed, 0.0) for bed in ladder.beds(mu)] for mu in (0.0, 1.0)}
+    assert reach(nodes, ladder.sought) == pytest.approx((formula_angle(0.0), formula_angle(1.0)))
+    assert reach({1.0: nodes[1.0]}, ladder.sought) == (None, pytest.approx(formula_angle(1.0)))
+
+
 def test_errors_are_carried_on_one_side_where_the_angle_passes_the_curve_s_end() -> None:
-    points = [(mu, formula_angle(mu)) for mu in (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)]
-    known = Curve(tuple(CurvePoint(mu, angle, 0.1, 4) for mu, angle in points), ANGLE)
+    known = Curve(tuple(CurvePoint(mu, formula_angle(mu), 0.1, 4) for mu in NODES), ANGLE)
     measured = MeasuredAngle(formula_angle(1.0) + 1.5, 1.0)
     met = meet(measured, known)
     assert (met.value, met.high) == (1.0, None)
@@ -309,6 +342,7 @@ def test_a_calibration_to_the_same_angle_is_read_and_an_aggregate_alike_needs_no
     asked = len(runner.asked)
     (again,) = calibrate(lab, runner, ["stone"], BY_ANGLE)
     assert (again.calibration_id, again.result) == (first.calibration_id, first.result)
+    assert len(runner.asked) == asked
     twin = "name,repose_angle_deg,wall_angle_deg\ntwin,20,25\n"
     register(lab, read_path(folder(aggregates=twin, sieves=SIEVES.replace("stone,", "twin,").split("pebbles")[0])))
     (other,) = calibrate(lab, runner, ["twin"], BY_ANGLE)

@@ -214,11 +214,8 @@ def _other_angles(fit: Calibration) -> bool:
         wall = wall_friction(fit.aggregate)
     except AngleError:  # corrected to what is none
         return True
-    return (
-        fit.aggregate.repose_angle_deg != fit.measured_angle_deg
-        or wall != fit.wall_friction
-        or protocol_text(angle_protocols(wall)[1]) != fit.protocol
-    )
+    moved = fit.aggregate.repose_angle_deg != fit.measured_angle_deg
+    return moved or protocol_text(angle_protocols(wall)[1]) != fit.protocol  # which holds the wall's friction
 
 
 def older_engine(version: int | None, newest: int | None) -> str:
