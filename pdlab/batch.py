@@ -7,6 +7,7 @@ chunks lie progress, Ctrl-C, and the bound on what a dead worker costs.
 import io
 import json
 import logging
+import math
 import multiprocessing
 import os
 import signal
@@ -215,7 +216,10 @@ class Runner:
         assert job.state is not None
         result = packing.measure(job.specimen, job.state, job.seconds)
         run = _run_row(job, "done")
-        for name in ("packing_density", "coordination_number", "height", "largest_overlap", "rest", "steps", "seconds"):
+        run.packing_density = None if math.isnan(result.packing_density) else result.packing_density  # a heap's
+        for name in (
+            "repose_angle_deg", "coordination_number", "height", "largest_overlap", "rest", "steps", "seconds",
+        ):  # fmt: skip
             setattr(run, name, getattr(result, name))
         run.slab_shares = json.dumps(result.slab_shares)
         run.warnings = "\n".join(result.warnings) or None

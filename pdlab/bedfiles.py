@@ -3,7 +3,7 @@
 Lengths in files are reduced, in largest diameters, or in millimetres, once the largest diameter is given in
 millimetres: names of columns and arrays that are lengths then end in ``_mm``. Spheres are numbered from 0 in
 the order of their rows, species from 0 in the order of the specimen, coarse to fine. The floor is z = 0; a
-periodic bed lies in x, y from 0 to its width, a cylinder stands about the axis x = y = 0.
+periodic bed lies in x, y from 0 to its width, a cylinder or a heap stands about the axis x = y = 0.
 """
 
 import base64
@@ -17,8 +17,8 @@ from xml.etree import ElementTree as Xml
 import numpy as np
 import pandas as pd
 
-from pdlab.dem import measures, profiles
-from pdlab.dem.bed import MARGIN
+from pdlab.dem import heap, measures, profiles
+from pdlab.dem.bed import MARGIN, SURROUNDINGS
 from pdlab.errors import InputError
 from pdlab.specimen import PLACED, Specimen
 
@@ -44,8 +44,15 @@ class Bed:
 
     @property
     def width(self) -> float | None:
-        """Width of the periodic box, in largest diameters; None in a cylinder."""
+        """Width of the periodic box, in largest diameters; None in a cylinder and of a heap."""
         return self.specimen.width if self.specimen.height is None else None
+
+    @cached_property
+    def flank(self) -> heap.Flank | None:
+        """A heap's flank with its angle of repose, None of what is no heap."""
+        if self.specimen.protocol.compaction != "repose":
+            return None
+        return heap.flank(self.place, 0.5 * self.specimen.protocol.base_diameter)
 
     @property
     def area(self) -> float:
@@ -54,18 +61,22 @@ class Bed:
 
     @property
     def height(self) -> float:
-        """The rim's height, or twice that of a periodic bed's centre of mass, in largest diameters."""
+        """The rim's height, twice that of a periodic bed's centre of mass, or a heap's, in largest diameters."""
+        if self.flank is not None:
+            return self.flank.top
         return self.specimen.height or self.slab[1] / 0.75
 
     @property
     def slab(self) -> tuple[float, float]:
         """The middle half of the height, in which contacts and pairs are counted, in largest diameters."""
-        rim = self.specimen.height
+        rim = self.specimen.height if self.flank is None else None
         return measures.slab(self.place) if rim is None else (0.25 * rim, 0.75 * rim)
 
     @property
     def packing_density(self) -> float:
-        """PD of the middle half, or of a cylinder up to its rim."""
+        """PD of the middle half, or of a cylinder up to its rim; NaN of a heap."""
+        if self.flank is not None:
+            return math.nan
         low, high = (0.0, self.height) if self.width is None else self.slab
         return measures.solid_fraction(self.place, self.area, low, high)
 
@@ -83,16 +94,28 @@ class Bed:
         i, j, _ = self.contacts
         return profiles.contacts_by_species(i, j, self.species, inside, len(self.specimen.species))
 
+    def surface(self, edges: np.ndarray) -> np.ndarray:
+        """Return the mean height of a heap's surface in rings about its axis, shape (K,), in largest diameters.
+
+        ``edges`` (K + 1,): distances from the axis, rising; a ring without a point of the surface's grid has NaN.
+        """
+        points, height = heap.surface(self.place, 0.5 * self.specimen.protocol.base_diameter)
+        off = np.hypot(*points.T)
+        sums, number = np.histogram(off, edges, weights=height)[0], np.histogram(off, edges)[0]
+        return np.asarray(np.divide(sums, number, out=np.full(sums.shape, math.nan), where=number > 0))
+
     def along_height(self, edges: np.ndarray) -> np.ndarray:
         """Return PD between consecutive heights ``edges`` (K + 1,), in largest diameters, shape (K,)."""
         return profiles.height_profile(self.place, self.area, edges)
 
 
 def standing(specimen: Specimen, place: np.ndarray) -> np.ndarray:
-    """Return the engine's places (N, 4) with a periodic bed within its box, a cylinder about x = y = 0."""
+    """Return the engine's places (N, 4) with a periodic bed within its box, a cylinder or heap about x = y = 0."""
     if specimen.height is None:
         return profiles.into_box(place, specimen.width)
-    return np.asarray(place - 0.5 * (specimen.width + MARGIN) * np.array([1.0, 1.0, 0.0, 0.0]))
+    heaped = specimen.protocol.compaction == "repose"
+    box = specimen.protocol.base_diameter + SURROUNDINGS if heaped else specimen.width + MARGIN
+    return np.asarray(place - 0.5 * box * np.array([1.0, 1.0, 0.0, 0.0]))
 
 
 def unit(diameter: float | None) -> tuple[float, str]:
@@ -142,11 +165,23 @@ def write_profiles(bed: Bed, path: Path, diameter: float | None = None) -> None:
 
     ``packing_density_along_height`` from the floor to the topmost sphere; of a cylinder's slab
     ``packing_density_from_wall``, by the distance from it; of a periodic bed's slab ``pair_distribution``, by
-    the distance of centres. ``diameter``: the largest [mm], for bins in millimetres. Raises InputError for a
-    file that is not .csv.
+    the distance of centres. Of a heap ``surface_height`` alone, over the distance from its axis. ``diameter``: the
+    largest [mm], for bins and heights in millimetres. Raises InputError for a file that is not .csv.
     """
     scale, mm = unit(diameter)
     check_csv(path)
+    rows = _profiles_of_bed(bed) if bed.flank is None else [_surface_profile(bed, scale, mm)]
+    table = pd.concat(rows)
+    table[["from", "to"]] *= scale
+    table.rename(columns={"from": f"from{mm}", "to": f"to{mm}"}).to_csv(path, index=False)
+
+
+def _surface_profile(bed: Bed, scale: float, mm: str) -> pd.DataFrame:
+    edges = _bins(0.5 * bed.specimen.protocol.base_diameter)
+    return _rows(f"surface_height{mm}", edges, scale * bed.surface(edges))
+
+
+def _profiles_of_bed(bed: Bed) -> list[pd.DataFrame]:
     top = float((bed.place[:, 2] + bed.place[:, 3]).max())
     edges = _bins(top)
     rows = [_rows("packing_density_along_height", edges, bed.along_height(edges))]
@@ -159,9 +194,7 @@ def write_profiles(bed: Bed, path: Path, diameter: float | None = None) -> None:
         edges = (np.arange(math.floor(reach * PAIR_BINS + 0.5)) + 0.5) / PAIR_BINS  # contacts lie within a bin
         values = profiles.pair_distribution(bed.place, bed.width, *bed.slab, edges)
         rows.append(_rows("pair_distribution", edges, values))
-    table = pd.concat(rows)
-    table[["from", "to"]] *= scale
-    table.rename(columns={"from": f"from{mm}", "to": f"to{mm}"}).to_csv(path, index=False)
+    return rows
 
 
 def check_csv(path: Path) -> None:

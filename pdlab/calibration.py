@@ -1,8 +1,8 @@
-"""The coefficient whose simulated packing density is the measured one.
+"""The coefficient whose simulated packing density, or angle of repose, is the measured one.
 
 Beds are simulated at fixed nodes of a coefficient, so that every aggregate of a protocol shares its runs with
-the next: PD falls with friction and with rolling resistance, and a monotone curve through the nodes is
-inverted. This module runs nothing: it says which specimens it needs next and is handed their results.
+the next: PD falls with friction and with rolling resistance, a heap's angle rises, and a monotone curve through
+the nodes is inverted. This module runs nothing: it says which specimens it needs next and is handed their results.
 """
 
 import math
@@ -13,11 +13,25 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, isotonic_regression
 
+from pdlab.angles import MeasuredAngle
 from pdlab.density import MeasuredPacking
 from pdlab.errors import OutOfReach
-from pdlab.specimen import LOOSE, Packing, Protocol, Sizes, Specimen, components, mixed_spheres, on_grid, with_seeds
+from pdlab.specimen import (
+    LOOSE,
+    Packing,
+    Protocol,
+    Sizes,
+    Specimen,
+    components,
+    equal_spheres,
+    heap_spheres,
+    mixed_spheres,
+    on_grid,
+    with_seeds,
+)
 
-MONOSIZED, ROLLING, GRADED = "monosized", "monosized_rolling", "graded"
+Measured = MeasuredPacking | MeasuredAngle
+MONOSIZED, ROLLING, GRADED, REPOSE = "monosized", "monosized_rolling", "graded", "repose"
 METHOD = MONOSIZED
 NODES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
 """Coefficients at which the curve is simulated: friction, and rolling friction where that is calibrated."""
@@ -27,7 +41,29 @@ ROUGHEST = 1.0
 SEEDS, LEAST_SEEDS = 4, 2
 """Beds at a node that the curve is carried on to, and those that a node must have to be told an error."""
 REACH = 2.0
-"""Standard errors by which a measured PD may lie beyond the curve's end."""
+"""Standard errors by which a measured value may lie beyond the curve's end."""
+
+
+@dataclass(frozen=True)
+class Sought:
+    """The quantity of a bed that is to be the measured one; with the coefficient it rises (``sign`` 1) or falls (-1).
+
+    ``column`` of a Packing; ``name``, ``short`` name, ``digits`` and ``unit`` in messages; ``first`` and ``last``: the
+    bed at the smallest and at the largest coefficient.
+    """
+
+    column: str
+    sign: int
+    name: str
+    short: str
+    digits: int
+    unit: str
+    first: str
+    last: str
+
+
+DENSITY = Sought("packing_density", -1, "packing density", "PD", 3, "", "densest bed", "loosest bed")
+ANGLE = Sought("repose_angle_deg", 1, "angle of repose", "angle", 1, " degrees", "flattest heap", "steepest heap")
 
 
 @dataclass(frozen=True)
@@ -35,11 +71,17 @@ class Ladder:
     """The beds along which one coefficient of an aggregate's spheres is calibrated.
 
     ``method``: monosized and graded calibrate friction, monosized_rolling the rolling friction at a friction of 1.
+    Under the protocol ``repose`` they are heaps of equal spheres, whose angle is calibrated.
     """
 
     method: str
     sizes: Sizes
     protocol: Protocol = LOOSE
+
+    @property
+    def sought(self) -> Sought:
+        """What of its beds is to be the measured one."""
+        return ANGLE if self.protocol.compaction == "repose" else DENSITY
 
     def coefficients(self, value: float) -> tuple[float, float]:
         """Return friction and rolling friction [-] where the calibrated coefficient has a ``value``."""
@@ -48,25 +90,32 @@ class Ladder:
     def beds(self, node: float, seeds: int = SEEDS) -> list[Specimen]:
         """Return the beds of a node. Raises SpecimenTooLarge."""
         friction, rolling = self.coefficients(node)
-        first = mixed_spheres(components(self.sizes, friction, rolling), 1, self.protocol)
+        if self.sought is ANGLE:
+            first = heap_spheres(friction, 1, rolling, protocol=self.protocol)
+        else:
+            first = mixed_spheres(components(self.sizes, friction, rolling), 1, self.protocol)
         return with_seeds(first, range(1, seeds + 1))
 
 
 @dataclass(frozen=True)
 class CurvePoint:
-    """One node of the curve: the coefficient's ``value`` [-], mean PD over ``seeds`` runs, their PDs' deviation."""
+    """One node of the curve: the coefficient's ``value`` [-], the ``mean`` over ``seeds`` runs and their deviation."""
 
     value: float
-    packing_density: float
+    mean: float
     deviation: float
     seeds: int
 
 
 @dataclass(frozen=True)
 class Curve:
-    """PD over the calibrated coefficient in one protocol, through at least one node, the coefficient rising."""
+    """What is ``sought`` over the calibrated coefficient in one protocol, through at least one node.
+
+    The coefficient rises along the ``points``. Values are PD [-], or angles of repose [degrees].
+    """
 
     points: tuple[CurvePoint, ...]
+    sought: Sought = DENSITY
 
     @property
     def _deviation(self) -> float:
@@ -76,21 +125,21 @@ class Curve:
         return math.sqrt(squares / freedom) if freedom else math.nan
 
     def node_errors(self) -> np.ndarray:
-        """Return the standard error of each node's PD, shape (K,)."""
+        """Return the standard error of each node's mean, shape (K,)."""
         return np.array([self._deviation / math.sqrt(point.seeds) for point in self.points])
 
     def monotone(self) -> np.ndarray:
-        """Return the nodes' PDs, shape (K,), made falling where noise made them rise."""
-        values = [point.packing_density for point in self.points]
+        """Return the nodes' means, shape (K,), made falling where noise made them rise, or the other way round."""
+        values = [point.mean for point in self.points]
         weights = [float(point.seeds) for point in self.points]
-        return np.asarray(isotonic_regression(values, weights=weights, increasing=False).x)
+        return np.asarray(isotonic_regression(values, weights=weights, increasing=self.sought.sign > 0).x)
 
     @property
     def _roots(self) -> np.ndarray:
         return np.sqrt([point.value for point in self.points])
 
     def at(self, value: float) -> float:
-        """Return the PD [-] at a coefficient within the nodes: monotone cubic over its root."""
+        """Return the value at a coefficient within the nodes: monotone cubic over its root."""
         if len(self.points) == 1:
             return float(self.monotone()[0])
         return float(PchipInterpolator(self._roots, self.monotone())(math.sqrt(value)))
@@ -109,24 +158,35 @@ class Curve:
         straight = float(np.interp(math.sqrt(value), roots, self.monotone()))
         return math.hypot(nodes, self.at(value) - straight)
 
-    def value_at(self, packing_density: float) -> float:
-        """Return the coefficient [-] at which the curve has a PD; the end's beyond an end."""
-        first, last = self.points[0].value, self.points[-1].value
-        if packing_density >= self.at(first):
+    def value_at(self, target: float) -> float:
+        """Return the coefficient [-] at which the curve has a PD, or an angle; the end's beyond an end."""
+        first, last, sign = self.points[0].value, self.points[-1].value, self.sought.sign
+        if sign * target <= sign * self.at(first):
             return first
-        if packing_density <= self.at(last):
+        if sign * target >= sign * self.at(last):
             return last
         smooth = PchipInterpolator(self._roots, self.monotone())
-        root = brentq(lambda x: float(smooth(x)) - packing_density, math.sqrt(first), math.sqrt(last), xtol=1e-9)
+        root = brentq(lambda x: float(smooth(x)) - target, math.sqrt(first), math.sqrt(last), xtol=1e-9)
         return float(root) ** 2
+
+
+@dataclass(frozen=True)
+class Met:
+    """The coefficient at which a curve has the measured value: ``value`` [-], its interval as in ``Calibrated``."""
+
+    value: float
+    low: float | None
+    high: float | None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Calibrated:
     """The coefficient of an aggregate's spheres and how well it is known.
 
-    ``value`` [-]; ``low`` and ``high`` are where the curve meets the measured PD plus and minus
-    its error, None where it passes the curve's end. ``input_error`` and ``curve_error`` are in PD [-].
+    ``value`` [-]; ``low`` and ``high`` are where the curve meets the measured PD, or angle, plus and minus
+    its error, None where it passes the curve's end. ``input_error`` and ``curve_error`` are in PD [-], as is the
+    ``packing_density`` of the calibrated spheres.
     """
 
     value: float
@@ -138,7 +198,7 @@ class Calibrated:
     warnings: tuple[str, ...] = ()
 
 
-def curve(results: Mapping[float, Sequence[Packing]]) -> Curve | None:
+def curve(results: Mapping[float, Sequence[Packing]], sought: Sought = DENSITY) -> Curve | None:
     """Return the curve through the runs at the nodes; None before the first node is simulated.
 
     It goes from there to both sides as far as no node is missing.
@@ -151,31 +211,34 @@ def curve(results: Mapping[float, Sequence[Packing]]) -> Curve | None:
         first -= 1
     while last < len(NODES) - 1 and simulated[last + 1]:
         last += 1
-    return Curve(tuple(_point(node, results[node]) for node in NODES[first : last + 1]))
+    return Curve(tuple(_point(node, results[node], sought) for node in NODES[first : last + 1]), sought)
 
 
-def _point(node: float, packings: Sequence[Packing]) -> CurvePoint:
-    values = np.array([packing.packing_density for packing in packings])
+def _point(node: float, packings: Sequence[Packing], sought: Sought = DENSITY) -> CurvePoint:
+    values = np.array([getattr(packing, sought.column) for packing in packings])
     spread = float(values.std(ddof=1)) if values.size > 1 else math.nan
     return CurvePoint(node, float(values.mean()), spread, values.size)
 
 
-def reach(results: Mapping[float, Sequence[Packing]]) -> tuple[float | None, float | None]:
-    """Return the PDs [-] of the loosest and of the densest bed of a ladder, None where that is not simulated."""
-    ends = (results.get(NODES[-1]), results.get(NODES[0]))
-    low, high = (_point(0.0, packings).packing_density if packings else None for packings in ends)
+def reach(results: Mapping[float, Sequence[Packing]], sought: Sought = DENSITY) -> tuple[float | None, float | None]:
+    """Return the least and the largest value of a ladder, at its ends, None where that end is not simulated.
+
+    PDs [-] of the loosest and of the densest bed, or angles [degrees] of the flattest and of the steepest heap.
+    """
+    ends = [results.get(NODES[end]) for end in (0, -1)[:: sought.sign]]
+    low, high = (_point(0.0, packings, sought).mean if packings else None for packings in ends)
     return low, high
 
 
-def missing_nodes(measured: MeasuredPacking, known: Curve | None, seeds: int = SEEDS) -> dict[float, int]:
+def missing_nodes(measured: Measured, known: Curve | None, seeds: int = SEEDS) -> dict[float, int]:
     """Return the nodes whose runs ``solve`` still needs, each with its number of beds; empty when it can answer.
 
-    The curve is carried on node by node, ``seeds`` beds at each, until it encloses the measured PD and its error on
+    The curve is carried on node by node, ``seeds`` beds at each, until it encloses the measured value and its error on
     both sides; inside it nothing is missing. More seeds than usual are asked of the nodes around the answer.
     """
     if known is None:
         return {FIRST_NODE: seeds}
-    middle, error = measured.packing_density, measured.standard_error
+    middle, error = measured.value, measured.standard_error
     further = {_further(target, known) for target in (middle, middle + error, middle - error)}
     if further != {None}:
         return {node: seeds for node in further if node is not None}
@@ -184,51 +247,95 @@ def missing_nodes(measured: MeasuredPacking, known: Curve | None, seeds: int = S
 
 
 def _further(target: float, known: Curve) -> float | None:
-    """Return the next node towards a PD beyond the known curve, None where it is inside or the nodes end."""
-    values = known.monotone()
-    if target > values[0]:
+    """Return the next node towards a value beyond the known curve, None where it is inside or the nodes end."""
+    values, sign = known.monotone(), known.sought.sign
+    if sign * target < sign * values[0]:
         return max((node for node in NODES if node < known.points[0].value), default=None)
-    if target < values[-1]:
+    if sign * target > sign * values[-1]:
         return min((node for node in NODES if node > known.points[-1].value), default=None)
     return None
 
 
 def _bracket(target: float, known: Curve) -> tuple[CurvePoint, ...]:
-    """Return the neighbouring nodes that enclose a PD; of a PD beyond the curve the node at its end."""
-    right = int(np.searchsorted(-known.monotone(), -target))
+    """Return the neighbouring nodes that enclose a value; of one beyond the curve the node at its end."""
+    sign = known.sought.sign
+    right = int(np.searchsorted(sign * known.monotone(), sign * target))
     return known.points[max(0, right - 1) : right + 1]
 
 
-def solve(measured: MeasuredPacking, known: Curve, method: str = METHOD) -> Calibrated:
-    """Return the coefficient at which the curve has the measured PD, and its interval.
+def meet(measured: Measured, known: Curve, method: str = METHOD) -> Met:
+    """Return the coefficient at which the curve has the measured value, and its interval.
 
-    Raises OutOfReach when the PD lies beyond the curve's end by more than two standard errors.
+    Raises OutOfReach when the value lies beyond the curve's end by more than two standard errors.
     """
-    middle, error = measured.packing_density, measured.standard_error
-    values = known.monotone()
-    warnings = []
-    for end, beyond, name in ((0, middle - values[0], "densest"), (-1, values[-1] - middle, "loosest")):
+    middle, error, sign = measured.value, measured.standard_error, known.sought.sign
+    values, warnings = known.monotone(), _beyond(measured, known, method)
+    smoother, rougher = middle - sign * error, middle + sign * error
+    return Met(
+        value=on_grid(known.value_at(middle)),
+        low=known.value_at(smoother) if sign * smoother >= sign * values[0] else None,
+        high=known.value_at(rougher) if sign * rougher <= sign * values[-1] else None,
+        warnings=tuple(warnings),
+    )
+
+
+def _beyond(measured: Measured, known: Curve, method: str) -> list[str]:
+    """Return the warning of a value that lies beyond an end of the curve, if any. Raises OutOfReach."""
+    middle, sought, values = measured.value, known.sought, known.monotone()
+    for end, beyond, name in (
+        (0, sought.sign * (values[0] - middle), sought.first),
+        (-1, sought.sign * (middle - values[-1]), sought.last),
+    ):
         if beyond > 0.0:
-            allowed = REACH * math.hypot(error, float(known.node_errors()[end]))
-            if beyond >= allowed:
-                ends = f"{values[-1]:.3f} to {values[0]:.3f}"
+            if beyond >= REACH * math.hypot(measured.standard_error, float(known.node_errors()[end])):
+                ends = " to ".join(f"{value:.{sought.digits}f}" for value in sorted((values[0], values[-1])))
                 raise OutOfReach(
-                    f"packing density {middle:.4g} is out of reach of '{method}', which was simulated from {ends}",
+                    f"{sought.name} {middle:.4g}{sought.unit} is out of reach of '{method}', which was simulated from "
+                    f"{ends}{sought.unit}",
                     looser=end == -1,
                 )
-            warnings.append(
-                f"the measured PD {middle:.4f} lies beyond the {name} bed of '{method}', {values[end]:.4f}, "
-                "by less than two standard errors: the curve's end is taken"
-            )
-    value = on_grid(known.value_at(middle))
+            digits = sought.digits + 1
+            return [
+                f"the measured {sought.short} {middle:.{digits}f}{sought.unit} lies beyond the {name} of '{method}', "
+                f"{values[end]:.{digits}f}{sought.unit}, by less than two standard errors: the curve's end is taken"
+            ]
+    return []
+
+
+def solve(measured: MeasuredPacking, known: Curve, method: str = METHOD) -> Calibrated:
+    """Return the coefficient at which the curve has the measured PD, and its interval. Raises OutOfReach."""
+    found = meet(measured, known, method)
+    density, error = known.at(found.value), known.error_at(found.value)
+    return Calibrated(found.value, found.low, found.high, density, measured.standard_error, error, found.warnings)
+
+
+def beside(met: Met, measured: Measured, known: Curve) -> tuple[float, float]:
+    """Return the coefficients [-] on both sides of the one met, between which errors are carried to PD.
+
+    Where the curve is off by the measured value's error; the curve's end where it passes it.
+    """
+    middle, step = known.at(met.value), known.sought.sign * measured.standard_error
+    return on_grid(known.value_at(middle - step)), on_grid(known.value_at(middle + step))
+
+
+def equal_beds(friction: float, protocol: Protocol, seeds: int = SEEDS) -> list[Specimen]:
+    """Return beds of equal spheres of a calibrated friction [-]."""
+    return with_seeds(equal_spheres(friction, 1, protocol), range(1, seeds + 1))
+
+
+def packed(met: Met, measured: Measured, known: Curve, beds: Mapping[float, Sequence[Packing]]) -> Calibrated:
+    """Return a calibration to an angle, with the packing density of its spheres.
+
+    ``beds``: those of the coefficient met and of the two ``beside`` it. The angle's error, and its curve's, become
+    errors in PD by the slope of PD over the angle between these two; the curve's error holds the beds' own too.
+    """
+    here = _point(met.value, beds[met.value])
+    low, high = beside(met, measured, known)
+    apart = _point(high, beds[high]).mean - _point(low, beds[low]).mean
+    slope = abs(apart / (known.at(high) - known.at(low)))
+    curve_error = math.hypot(here.deviation / math.sqrt(here.seeds), slope * known.error_at(met.value))
     return Calibrated(
-        value=value,
-        low=known.value_at(middle + error) if middle + error <= values[0] else None,
-        high=known.value_at(middle - error) if middle - error >= values[-1] else None,
-        packing_density=known.at(value),
-        input_error=error,
-        curve_error=known.error_at(value),
-        warnings=tuple(warnings),
+        met.value, met.low, met.high, here.mean, slope * measured.standard_error, curve_error, met.warnings
     )
 
 

@@ -66,6 +66,11 @@ class MeasuredPacking:
     standard_error: float
     warnings: tuple[str, ...] = ()
 
+    @property
+    def value(self) -> float:
+        """The packing density, by the name that whatever a calibration may be held against has."""
+        return self.packing_density
+
 
 def oven_dry_density(density: float, basis: str, absorption_percent: float | None = None) -> float:
     """Return the oven-dry particle density [kg/m³] from one on another basis.

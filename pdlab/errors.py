@@ -4,12 +4,13 @@ PdlabError
 ├── InputError              what the user can mend; the shell answers with exit code 2
 │   ├── GradingError        a sieve table that is no grading
 │   ├── DensityError        a bulk density, voids or packing density that cannot be one
+│   ├── AngleError          an angle of repose or of slip that cannot be one, or is missing
 │   ├── ShareError          proportions that are none
 │   ├── ConditionError      a condition, a column or an order that a list does not have
 │   ├── UnknownName         an aggregate, mixture or run that the store does not hold
 │   ├── TableError          what is wrong in imported tables, all of it, with file, row, column
 │   ├── ProtocolError       a test that this version cannot simulate, or two that do not mix
-│   ├── OutOfReach          a packing density that the method's spheres cannot reach
+│   ├── OutOfReach          a packing density, or an angle, that the method's spheres cannot reach
 │   ├── TooFewData          fewer measurements than what is to be fitted to them
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
 │   ├── EditedMeanwhile     a row that another has changed since it was read
@@ -45,6 +46,10 @@ class GradingError(InputError):
 
 class DensityError(InputError):
     """A bulk density, voids or packing density that cannot be one."""
+
+
+class AngleError(InputError):
+    """An angle of repose or of slip that cannot be one, or is missing."""
 
 
 class ShareError(InputError):
@@ -90,7 +95,10 @@ class ProtocolError(InputError):
 
 
 class OutOfReach(InputError):
-    """A packing density that the method's spheres cannot reach; ``looser`` than all of them, or denser."""
+    """A packing density, or an angle, that the method's spheres cannot reach.
+
+    ``looser`` than all of them, or steeper; else denser, or flatter.
+    """
 
     def __init__(self, message: str, looser: bool = False) -> None:
         super().__init__(message)

@@ -106,8 +106,8 @@ class Lab:
         """Calibrate the named aggregates, or all; an aggregate's error stands in its report.
 
         ``method``: monosized, monosized_rolling, graded, or auto, the first of them that reaches an aggregate's
-        density. ``rule``: for the equivalent diameter. ``seeds``: beds at a node of the curve. ``leave_out``: graded
-        spheres finer than this [mm] are left out. Raises UnknownName, InputError.
+        density; or repose, by its angle of repose. ``rule``: for the equivalent diameter. ``seeds``: beds at a node of
+        the curve. ``leave_out``: graded spheres finer than this [mm] are left out. Raises UnknownName, InputError.
         """
         way = Way(method, rule, seeds, leave_out)
         return experiments.calibrate(self.store, self.runner, _texts(names), way)

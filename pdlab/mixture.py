@@ -53,11 +53,14 @@ class Predicted:
 
 
 def common_protocol(parts: Sequence[Part]) -> Protocol:
-    """Return the protocol that all parts were calibrated in.
+    """Return the protocol that all parts were calibrated in, with the smallest wall friction that any of them has.
 
-    Raises ProtocolError when their density tests were compacted, or simulated, in different ways.
+    Where none has one, walls have the smallest friction of the spheres. Raises ProtocolError when their density tests
+    were compacted, or simulated, in different ways.
     """
-    ways = dict.fromkeys(part.protocol for part in parts)
+    walls = [part.protocol.wall_friction for part in parts if part.protocol.wall_friction is not None]
+    wall = min(walls, default=None)
+    ways = dict.fromkeys(replace(part.protocol, wall_friction=wall) for part in parts)
     if len({way.compaction for way in ways}) > 1:
         raise ProtocolError(
             f"the aggregates were tested {' and '.join(sorted({way.compaction for way in ways}))}; a mixture needs one "

@@ -93,9 +93,9 @@ def _coefficient(facts: Facts) -> str:
 
 
 def _measured(facts: Facts) -> str:
-    density, angle = facts["measured_packing_density"], facts["measured_angle_deg"]
+    density, angle, wall = (facts[name] for name in ("measured_packing_density", "measured_angle_deg", "wall_friction"))
     said = ([] if density is None else [f"{density:.4f}"]) + ([] if angle is None else [f"angle of repose {angle:g}°"])
-    return f"measured {' and '.join(said) or 'nothing'}"
+    return f"measured {' and '.join(said) or 'nothing'}" + ("" if wall is None else f", wall friction {wall:.4g}")
 
 
 def _method(facts: Facts) -> str:
@@ -160,7 +160,11 @@ def _engine(run: Facts) -> str:
 
 
 def _result(run: Facts) -> str:
-    result = f"PD {run['packing_density']:.5f}" if run["packing_density"] is not None else run["error"] or run["state"]
+    result = run["error"] or run["state"]
+    if run["packing_density"] is not None:
+        result = f"PD {run['packing_density']:.5f}"
+    elif run["repose_angle_deg"] is not None:
+        result = f"angle of repose {run['repose_angle_deg']:.2f}°"
     contacts = f", {run['coordination_number']:.3f} contacts" if run["coordination_number"] is not None else ""
     steps = f", {run['steps']} steps" if run["steps"] is not None else ""
     return f"seed {run['seed']}, {result}{contacts}{steps}"

@@ -129,12 +129,20 @@ def formula_density(friction: float) -> float:
     return 0.55 + 0.09 * math.exp(-3.0 * math.sqrt(friction))
 
 
+def formula_angle(friction: float) -> float:
+    """A rising angle of repose [degrees] between 8 and 25, near to what heaps do."""
+    return 8.0 + 17.0 * (1.0 - math.exp(-4.0 * math.sqrt(friction)))
+
+
 def formula_packing(specimen: Specimen, noise: float = 0.002, version: int = VERSION) -> Packing:
     digest = specimen.digest(version)
     scatter = int(hashlib.sha256(digest.encode()).hexdigest()[:8], 16) / 0xFFFFFFFF - 0.5
     friction = min(kind.friction for kind in specimen.species)
     rolling = min(kind.rolling for kind in specimen.species)
     gain = 0.05 * (1.0 - specimen.species[-1].diameter) - 0.12 * rolling / (0.2 + rolling)
+    if specimen.protocol.compaction == "repose":
+        angle = formula_angle(friction) + 250.0 * noise * scatter
+        return Packing(digest, math.nan, 5.0, 20.0, (1.0,), 0.005, "still", 1000, 1.0, version, (), angle)
     value = formula_density(friction) + gain + noise * scatter
     return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, version)
 
@@ -164,6 +172,7 @@ class FormulaRunner:
                         spheres=specimen.spheres,
                         state="done",
                         packing_density=packing.packing_density,
+                        repose_angle_deg=packing.repose_angle_deg,
                     )
                 )
         return out

@@ -159,5 +159,6 @@ def test_a_calibration_by_angle_of_repose_is_shown_without_a_density_test(pebble
     assert facts["packing_test"] is None
     assert facts["spheres"] == [[8.0, 0.6], [4.0, 0.4]]
     text = text_of(facts)
-    assert "measured angle of repose 32°, diameter 8 mm (d50), method repose with local_damping=0, loose" in text
+    assert "measured angle of repose 32°, wall friction 0.4, diameter 8 mm (d50), method repose" in text
+    assert "method repose with local_damping=0, loose" in text
     assert "packing_test" not in text

@@ -62,11 +62,9 @@ def _show_bed(bed: "Bed", diameter: float | None) -> None:
     from pdlab.bedfiles import unit
 
     length, name = unit(diameter)[0], "d_max" if diameter is None else "mm"
-    inside = "a cylinder" if bed.width is None else "a periodic box"
     print(f"run {bed.digest[:12]}: {bed.state}" + (f" ({bed.error})" if bed.error else ""))
     print(  # d_max: the largest diameter, the unit of all that is simulated
-        f"{len(bed.place)} spheres in {inside} {length * bed.specimen.width:.4g} {name} wide, "
-        f"packing density {bed.packing_density:.4f}"
+        f"{len(bed.place)} spheres {_inside(bed, length, name)}, {_result(bed)}"
     )
     kinds, counts = bed.specimen.species, np.bincount(bed.species, minlength=len(bed.specimen.species))
     print_table(
@@ -77,13 +75,33 @@ def _show_bed(bed: "Bed", diameter: float | None) -> None:
             for k, row in enumerate(bed.contacts_by_species)
         ],
     )
-    edges = np.linspace(0.0, bed.height, 11)
-    bins = zip(edges[:-1], edges[1:], bed.along_height(edges), strict=True)
+    if bed.flank is None:
+        title, column, edges = "Packing density along the height", "packing density", np.linspace(0.0, bed.height, 11)
+        values = [number(value) for value in bed.along_height(edges)]
+    else:
+        title, column = "Height over the distance from the axis", f"height [{name}]"
+        edges = np.linspace(0.0, 0.5 * bed.specimen.protocol.base_diameter, 11)
+        values = [f"{length * value:.4g}" for value in bed.surface(edges)]
+    bins = zip(edges[:-1], edges[1:], values, strict=True)
     print_table(
-        "Packing density along the height",
-        [f"from [{name}]", f"to [{name}]", "packing density"],
-        [[f"{length * low:.4g}", f"{length * high:.4g}", number(density)] for low, high, density in bins],
+        title,
+        [f"from [{name}]", f"to [{name}]", column],
+        [[f"{length * low:.4g}", f"{length * high:.4g}", value] for low, high, value in bins],
     )
+
+
+def _inside(bed: "Bed", length: float, name: str) -> str:
+    """Return what the spheres lie in, or on."""
+    if bed.flank is not None:
+        return f"on a round base {length * bed.specimen.protocol.base_diameter:.4g} {name} wide"
+    inside = "a cylinder" if bed.width is None else "a periodic box"
+    return f"in {inside} {length * bed.specimen.width:.4g} {name} wide"
+
+
+def _result(bed: "Bed") -> str:
+    if bed.flank is None:
+        return f"packing density {bed.packing_density:.4f}"
+    return f"angle of repose {bed.flank.angle:.2f} ± {bed.flank.standard_error:.2f} degrees over its sectors"
 
 
 def _contacts(mean: float) -> str:

@@ -8,6 +8,7 @@ import typer
 
 from pdlab.cli.shell import Store, Workers, end_with, number, open_lab, print_table, print_wide
 from pdlab.errors import InputError
+from pdlab.quantities import heading
 
 if TYPE_CHECKING:
     from pdlab.experiments import Verified
@@ -59,13 +60,13 @@ def _show_verified(found: Sequence["Verified"]) -> None:
     from collections import Counter
 
     rows = [
-        [one.specimen_hash[:12], one.verdict, number(one.packing_density, 5), number(one.repeated, 5),
+        [one.specimen_hash[:12], one.verdict, heading(one.quantity), number(one.stored, 5), number(one.repeated, 5),
          number(one.allowed, 5), one.message]
         for one in found
         if one.repeated is not None or one.verdict == "differs"
     ]  # fmt: skip
     if rows:
-        columns = ["run", "verdict", "PD stored", "PD repeated", "difference allowed", "note"]
+        columns = ["run", "verdict", "of", "stored", "repeated", "difference allowed", "note"]
         print_table("Stored runs, repeated", columns, rows)
     counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(one.verdict for one in found).items())
     print(f"{len(found)} runs: {counts}" if found else "no runs yet")

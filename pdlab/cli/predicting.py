@@ -1,5 +1,6 @@
 """Verbs that simulate: demo, calibrate, predict."""
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -24,6 +25,7 @@ from pdlab.cli.shell import (
 from pdlab.quantities import heading
 
 if TYPE_CHECKING:
+    from pdlab.calibration import Calibrated
     from pdlab.experiments import CalibrationReport, PredictionReport
 
 PREDICTION = (
@@ -36,7 +38,8 @@ DEMO_STORE = "sqlite:///pdlab-demo.db"
 def _show_calibrations(reports: Sequence["CalibrationReport"]) -> None:
     done = [report for report in reports if report.result is not None]
     for method in dict.fromkeys(report.method for report in done):
-        _show_method(method, [report for report in done if report.method == method])
+        show = _show_angles if method == "repose" else _show_method
+        show(method, [report for report in done if report.method == method])
     _print_notes(
         (report.aggregate, text)
         for report in reports
@@ -54,18 +57,45 @@ def _print_notes(notes: Iterable[tuple[str, str]]) -> None:
         print(f"note: {', '.join(all_of_it)}: {text}")
 
 
+def _interval(result: "Calibrated") -> str:
+    """Return the interval of a coefficient; an end that the curve passes is left open."""
+    low = "0" if result.low is None else f"{result.low:.3g}"
+    return f"{low} to {result.high:.3g}" if result.high is not None else f"{low} or more"
+
+
+def _show_angles(method: str, reports: Sequence["CalibrationReport"]) -> None:
+    rows = []
+    for report in reports:
+        result = report.result
+        assert result is not None
+        rows.append(
+            [
+                report.aggregate, f"{report.diameter:.2f}", f"{report.angle:.4g}", number(report.wall, 3),
+                f"{result.value:.4g}", _interval(result), number(result.packing_density), number(result.input_error),
+                number(result.curve_error), "" if math.isnan(report.measured) else number(report.measured),
+            ]
+        )  # fmt: skip
+    columns = (
+        "diameter", "measured_angle", "wall", "friction", "its interval", "vibrated", "input_error", "curve_error",
+        "measured",
+    )  # fmt: skip
+    print_table(
+        f"Calibrated friction to angles of repose (method {method}, diameter rule {reports[0].rule})",
+        ["aggregate", *(name if name == "its interval" else heading(name) for name in columns)],
+        rows,
+    )
+
+
 def _show_method(method: str, reports: Sequence["CalibrationReport"]) -> None:
     rows = []
     coefficient = "rolling" if method == "monosized_rolling" else "friction"
     for report in reports:
         result = report.result
         assert result is not None
-        low = "0" if result.low is None else f"{result.low:.3g}"
-        interval = f"{low} to {result.high:.3g}" if result.high is not None else f"{low} or more"
         rows.append(
             [
                 report.aggregate, f"{report.diameter:.2f}", number(report.measured), number(result.input_error),
-                f"{result.value:.4g}", interval, number(result.packing_density), number(result.curve_error),
+                f"{result.value:.4g}", _interval(result), number(result.packing_density), number(result.curve_error),
             ]
         )  # fmt: skip
     columns = ("diameter", "measured", "input_error", coefficient, "simulated", "curve_error")
@@ -158,7 +188,7 @@ def calibrate(
     workers: Workers = None,
     threads: Threads = 1,
 ) -> None:
-    """Find each aggregate's friction coefficient: the one whose simulated PD is the measured PD."""
+    """Find each aggregate's friction coefficient: its simulated PD, or angle of repose, is the measured one."""
     with open_lab(store, workers, threads) as lab:
         _show_calibrations(reports := lab.calibrate(aggregates or (), method, rule, seeds, leave_out))
         raise_failures(reports)

@@ -26,7 +26,11 @@ Store = Annotated[
 ]
 Rule = Annotated[str, typer.Option(help="Rule for the equivalent diameter.")]
 Method = Annotated[
-    str, typer.Option(help="monosized, monosized_rolling, graded, or auto: the first that reaches the density.")
+    str,
+    typer.Option(
+        help="monosized, monosized_rolling, graded, or auto: the first that reaches the density; or repose, by the "
+        "angle of repose."
+    ),
 ]
 MethodOrReference = Annotated[
     str,

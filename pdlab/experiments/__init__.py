@@ -4,7 +4,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 """
 
 from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
-from pdlab.experiments.calibrations import METHODS, CalibrationReport, Way, calibrate
+from pdlab.experiments.calibrations import CalibrationReport, calibrate
 from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.curves import RunAll
@@ -18,6 +18,7 @@ from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
+from pdlab.experiments.ways import METHODS, Way
 
 __all__ = [
     "CHOICES",

@@ -6,65 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pdlab import calibration, grading, store
-from pdlab.calibration import GRADED, MONOSIZED, ROLLING, Ladder
+from pdlab import calibration, store
+from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING, Curve, Ladder, Met
+from pdlab.density import MeasuredPacking
 from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
 from pdlab.experiments.curves import Curves, RunAll
-from pdlab.experiments.readings import (
-    current_tests,
-    doubts,
-    measured_test,
-    particle_density,
-    protocol_of_text,
-    protocol_text,
-    spheres_text,
-)
+from pdlab.experiments.opening import Open, open_calibration
+from pdlab.experiments.readings import measured_test, particle_density, protocol_of_text
 from pdlab.experiments.references import REFERENCES
-from pdlab.grading import DEFAULT_RULE, Grading
-from pdlab.models import Aggregate, Calibration, CalibrationRun, PackingTest, SieveAnalysis, now
-from pdlab.specimen import LOOSE, Protocol, Sizes, on_grid, protocol_of
+from pdlab.experiments.ways import AUTO, METHODS, OTHERS, Way
+from pdlab.grading import DEFAULT_RULE
+from pdlab.models import Aggregate, Calibration, CalibrationRun, now
+from pdlab.specimen import LOOSE, Packing, Protocol, Sizes
 from pdlab.store import Store
-
-AUTO = "auto"
-METHODS = (MONOSIZED, ROLLING, GRADED)
-"""Methods that calibrate to a density test; ``auto`` takes the first of them that reaches it."""
-
-
-@dataclass(frozen=True)
-class Way:
-    """How aggregates become spheres: a ``method``, a diameter ``rule``, ``seeds`` beds at a node of the curve.
-
-    ``leave_out``: graded spheres finer than this [mm] are left out, None for none. ``variant``: the name of an
-    assumption that is made differently, by the rule, by ``settings`` of the protocol, or by a ``pan_factor`` on the
-    lower size that is assumed of pans without one.
-    """
-
-    method: str = MONOSIZED
-    rule: str = DEFAULT_RULE
-    seeds: int = calibration.SEEDS
-    leave_out: float | None = None
-    variant: str = ""
-    settings: tuple[tuple[str, Any], ...] = ()
-    pan_factor: float = 1.0
-
-    def __post_init__(self) -> None:
-        known = (*METHODS, AUTO, *REFERENCES)
-        if self.method not in known:
-            raise InputError(f"'{self.method}' is no method; use one of {', '.join(known)}")
-        if self.rule not in grading.RULES:
-            raise InputError(f"'{self.rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
-        if self.seeds < calibration.LEAST_SEEDS:
-            raise InputError(f"{self.seeds} seeds give no standard error; use at least {calibration.LEAST_SEEDS}")
-        if self.leave_out is not None and not self.leave_out > 0.0:
-            raise InputError(f"a size of {self.leave_out:g} mm leaves nothing out; give one above 0")
-        if self.leave_out is not None and self.method not in (GRADED, AUTO):
-            raise InputError(
-                f"'{self.method}' has one size, of which nothing can be left out; use the method '{GRADED}' or '{AUTO}'"
-            )
-
-    def protocol(self, test: PackingTest) -> Protocol:
-        """Return how a density test is simulated."""
-        return replace(protocol_of(test.compaction), **dict(self.settings))
 
 
 @dataclass(frozen=True)
@@ -72,7 +26,9 @@ class CalibrationReport:
     """An aggregate's calibration, or the error that stands in its place.
 
     ``diameter`` [mm] by the ``rule``; ``sizes``: the spheres that stand for the aggregate; ``friction``, ``rolling``
-    [-]; ``result``: the calibrated one of the two with its interval. ``choice``: why ``auto`` took the method.
+    [-]; ``result``: the calibrated one of the two with its interval. ``measured`` PD [-], NaN where an aggregate
+    calibrated to its ``angle`` of repose [degrees] has no vibrated density test; ``wall`` friction [-] from its slip
+    angle. ``choice``: why ``auto`` took the method.
     """
 
     aggregate: str
@@ -83,6 +39,8 @@ class CalibrationReport:
     rule: str = DEFAULT_RULE
     sizes: Sizes = ()
     measured: float = math.nan
+    angle: float | None = None
+    wall: float | None = None
     compaction: str = ""
     protocol: Protocol = LOOSE
     friction: float = math.nan
@@ -92,55 +50,10 @@ class CalibrationReport:
     choice: str = ""
     error: PdlabError | None = None
 
-
-@dataclass
-class _Open:
-    """An aggregate on its way to a calibration."""
-
-    aggregate: Aggregate
-    analysis: SieveAnalysis
-    grading: Grading
-    test: PackingTest
-    way: Way
-    method: str
-    warnings: list[str]
-    choice: str = ""
-    result: calibration.Calibrated | None = None
-    error: PdlabError | None = None
-    kept: Calibration | None = None
-
-    def __post_init__(self) -> None:
-        self.measured = measured_test(self.test, particle_density(self.aggregate))
-        self.diameter = grading.equivalent_diameter(self.grading, self.way.rule)
-
-    def sizes(self, method: str) -> Sizes:
-        """Return the spheres [mm] that stand for it by a method."""
-        if method == GRADED:
-            return grading.sieve_classes(self.grading, self.way.leave_out or 0.0)
-        return ((self.diameter, 1.0),)
-
-    def ladder(self, method: str | None = None) -> Ladder:
-        """Return the beds of its curve, in units of its largest sphere: aggregates alike but for size share them."""
-        method = method or self.method
-        sizes = self.sizes(method)
-        reduced = tuple((on_grid(size / sizes[0][0]), on_grid(share)) for size, share in sizes)
-        return Ladder(method, reduced, self.way.protocol(self.test))
-
-    def facts(self) -> dict[str, Any]:
-        """Return what the calibration is worked out from, as its row names it."""
-        method = self.method
-        return {
-            "sieve_analysis_id": self.analysis.id,
-            "packing_test_id": self.test.id,
-            "method": method,
-            "variant": self.way.variant,
-            "protocol": protocol_text(self.way.protocol(self.test)),
-            "diameter_rule": self.way.rule,
-            "diameter_mm": self.diameter,
-            "spheres": spheres_text(method, self.grading, self.way.leave_out),
-            "leave_out_below_mm": self.way.leave_out if method == GRADED else None,
-            "measured_packing_density": self.measured.packing_density,
-        }
+    @property
+    def packing_density(self) -> float:
+        """The PD [-] that its errors are of: the measured one, or the simulated one of what has the measured angle."""
+        return self.measured if self.angle is None or self.result is None else self.result.packing_density
 
 
 def calibrate(
@@ -154,7 +67,7 @@ def calibrate(
     """
     if way is not None and way.method in REFERENCES:
         raise InputError(
-            f"'{way.method}' is a geometric reference and calibrates nothing; use {', '.join(METHODS)} or {AUTO}"
+            f"'{way.method}' is a geometric reference and calibrates nothing; use {', '.join((*METHODS, *OTHERS))}"
         )
     with target.read() as session:
         rows = store.aggregates(session, names)
@@ -165,11 +78,11 @@ def calibrate(
 
 def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], way: Way) -> list[CalibrationReport]:
     """Calibrate aggregates as ``calibrate`` does, each in the delivery that is handed in."""
-    reports, waiting = dict[int, CalibrationReport](), dict[int, _Open]()
+    reports, waiting = dict[int, CalibrationReport](), dict[int, Open]()
     curves = Curves(target, run_all)
     for row in rows:
         try:
-            waiting[row.id] = _open_calibration(row, way)
+            waiting[row.id] = open_calibration(row, way)
         except PdlabError as error:
             reports[row.id] = CalibrationReport(row.name, row.id, error=error)
     if way.method == AUTO:
@@ -178,19 +91,12 @@ def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], wa
         _work_out(target, list(waiting.values()), curves)
     for one in waiting.values():
         if isinstance(one.error, OutOfReach):
-            one.error = _with_reaches(one, one.error, curves)
+            one.error = _elsewhere(one.error) if one.method == REPOSE else _with_reaches(one, one.error, curves)
     reports |= dict(zip(waiting, _save(target, list(waiting.values()), curves), strict=True))
     return [reports[row.id] for row in rows]
 
 
-def _open_calibration(row: Aggregate, way: Way) -> _Open:
-    sieved, test = current_tests(row, way.pan_factor)
-    one = _Open(row, row.sieve_analyses[-1], sieved, test, way, way.method, doubts(row, sieved, test))
-    one.warnings += one.measured.warnings
-    return one
-
-
-def _choose(target: Store, waiting: list[_Open], curves: Curves) -> None:
+def _choose(target: Store, waiting: list[Open], curves: Curves) -> None:
     """Take for each aggregate the first method that reaches its density: monosized, then rolling, then graded."""
     for one in waiting:
         one.method = MONOSIZED
@@ -203,7 +109,7 @@ def _choose(target: Store, waiting: list[_Open], curves: Curves) -> None:
         _work_out(target, further, curves)
 
 
-def _work_out(target: Store, waiting: list[_Open], curves: Curves) -> None:
+def _work_out(target: Store, waiting: list[Open], curves: Curves) -> None:
     """Find each one's coefficient: the one kept in the store, else by its curve."""
     _find_kept(target, waiting, curves.engine_version)
     fresh = [one for one in waiting if one.kept is None]
@@ -215,16 +121,40 @@ def _work_out(target: Store, waiting: list[_Open], curves: Curves) -> None:
         except PdlabError as error:
             one.error = error
     _fill_curves(fresh, curves)
+    met = list[tuple[Open, Curve, Met]]()
     for one in fresh:
         known = None if one.error else curves.known(one.ladder())
         if known is not None:
             try:
-                one.result = calibration.solve(one.measured, known, one.method)
+                if isinstance(one.measured, MeasuredPacking):
+                    one.result = calibration.solve(one.measured, known, one.method)
+                else:
+                    met.append((one, known, calibration.meet(one.measured, known, one.method)))
             except OutOfReach as error:
                 one.error = error
+    _pack(met, curves)
 
 
-def _too_large(one: _Open, error: SpecimenTooLarge) -> SpecimenTooLarge:
+def _pack(met: Sequence[tuple[Open, Curve, Met]], curves: Curves) -> None:
+    """Run beds of spheres whose friction was found by their angle, and of those beside it: their packing density."""
+    wanted = [
+        (one, friction, bed)
+        for one, known, found in met
+        for friction in dict.fromkeys((found.value, *calibration.beside(found, one.measured, known)))
+        for bed in calibration.equal_beds(friction, one.protocol, one.way.seeds)
+    ]
+    outcomes = curves.run([bed for _, _, bed in wanted]) if wanted else ()
+    for (one, friction, _), outcome in zip(wanted, outcomes, strict=True):
+        if isinstance(outcome, Packing):
+            one.beds.setdefault(friction, []).append(outcome)
+        else:
+            one.error = one.error or outcome
+    for one, known, found in met:
+        if one.error is None:
+            one.result = calibration.packed(found, one.measured, known, one.beds)
+
+
+def _too_large(one: Open, error: SpecimenTooLarge) -> SpecimenTooLarge:
     """Return the error with the size below which graded spheres would have to be left out."""
     sizes = one.sizes(GRADED)
     for k in range(len(sizes) - 1, 0, -1):
@@ -241,23 +171,22 @@ def _too_large(one: _Open, error: SpecimenTooLarge) -> SpecimenTooLarge:
     return error
 
 
-def _find_kept(target: Store, waiting: list[_Open], engine_version: int) -> None:
+def _find_kept(target: Store, waiting: list[Open], engine_version: int) -> None:
     """Take what the store holds of calibrations worked out from the same facts by the same engine."""
     usual = [one for one in waiting if one.way.seeds <= calibration.SEEDS]
     with target.read() as session:
         rows = store.done_calibrations(session, [one.aggregate.id for one in usual], engine_version)
     for one in usual:
-        facts = one.facts() | {"input_error": one.measured.standard_error, "aggregate_id": one.aggregate.id}
-        one.kept = next((row for row in rows if all(getattr(row, k) == v for k, v in facts.items())), None)
+        one.kept = next((row for row in rows if one.is_kept_by(row)), None)
 
 
-def _missing(one: _Open, curves: Curves) -> dict[float, int]:
+def _missing(one: Open, curves: Curves) -> dict[float, int]:
     """Return the nodes that an aggregate's curve still needs, each with its number of beds."""
     return calibration.missing_nodes(one.measured, curves.known(one.ladder()), one.way.seeds)
 
 
-def _fill_curves(waiting: list[_Open], curves: Curves) -> None:
-    """Run nodes, round by round, until every aggregate's PD is enclosed or out of reach."""
+def _fill_curves(waiting: list[Open], curves: Curves) -> None:
+    """Run nodes, round by round, until every aggregate's PD, or angle, is enclosed or out of reach."""
     while True:
         asked = [
             (one, node, seeds) for one in waiting if one.error is None for node, seeds in _missing(one, curves).items()
@@ -272,7 +201,7 @@ def _fill_curves(waiting: list[_Open], curves: Curves) -> None:
             one.error = one.error or curves.errors.get((one.ladder(), node))
 
 
-def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
+def _with_reaches(one: Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     """Return the error with the interval of every method, whose ends are simulated for it, and what to do."""
     ladders = [one.ladder(method) for method in (MONOSIZED, ROLLING)]
     curves.load(ladders)
@@ -283,7 +212,7 @@ def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     spans = [f"'{method}' spans {calibration.span(reach)}" for method, reach in reaches.items()]
     if GRADED not in reaches and not error.looser and len(one.sizes(GRADED)) > 1:
         spans.append(f"'{GRADED}', not simulated for this grading yet, reaches denser beds")
-    value = one.measured.packing_density
+    value = one.measured.value
     reaching = [method for method, (low, high) in reaches.items() if (low or 0.0) <= value <= (high or 1.0)]
     return OutOfReach(
         f"packing density {value:.4g} is out of reach of '{one.method}': {'; '.join(spans)}; "
@@ -292,7 +221,14 @@ def _with_reaches(one: _Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     )
 
 
-def _remedy(one: _Open, looser: bool, reaching: Sequence[str]) -> str:
+def _elsewhere(error: OutOfReach) -> OutOfReach:
+    """Return the error of an angle out of reach with what to do."""
+    lies = "steeper than sliding friction makes a heap" if error.looser else "flatter than frictionless spheres lie"
+    text = f"{error}: it is {lies}; check the angle, or calibrate to a density test, by the method '{AUTO}'"
+    return OutOfReach(text, error.looser)
+
+
+def _remedy(one: Open, looser: bool, reaching: Sequence[str]) -> str:
     """Return what to do about a density out of reach; ``reaching``: the other methods that reach it."""
     if reaching:
         return f"use the method '{reaching[0]}', or '{AUTO}'"
@@ -303,9 +239,9 @@ def _remedy(one: _Open, looser: bool, reaching: Sequence[str]) -> str:
     return "no bed of these spheres is so dense: check the test and its compaction, or sieve into more classes"
 
 
-def _row_facts(one: _Open, curves: Curves) -> dict[str, Any]:
+def _row_facts(one: Open, curves: Curves) -> dict[str, Any]:
     """Return a calibration's row but for its runs: what it was worked out from and what came out."""
-    facts = one.facts() | {"aggregate_id": one.aggregate.id, "engine_version": curves.engine_version}
+    facts = one.facts() | {"engine_version": curves.engine_version}
     if one.error is not None or one.result is None:
         return facts | {"state": "failed", "message": str(one.error)}
     result, ends = one.result, (one.result.low, one.result.high)
@@ -323,20 +259,11 @@ def _row_facts(one: _Open, curves: Curves) -> dict[str, Any]:
         "packing_density": result.packing_density,
         "input_error": result.input_error,
         "curve_error": result.curve_error,
-        "warnings": "\n".join([*one.warnings, *_left_out(one), *result.warnings]) or None,
+        "warnings": "\n".join(dict.fromkeys([*one.warnings, *one.left_out(), *result.warnings])) or None,
     }
 
 
-def _left_out(one: _Open) -> list[str]:
-    """Return what was left out of an aggregate's graded spheres."""
-    finest = one.way.leave_out
-    if one.method != GRADED or finest is None:
-        return []
-    lost = math.fsum(share for size, share in grading.sieve_classes(one.grading) if size < finest)
-    return [f"{100.0 * lost:.3g} % of the solids, finer than {finest:g} mm, are left out"] if lost else []
-
-
-def _save(target: Store, ready: list[_Open], curves: Curves) -> list[CalibrationReport]:
+def _save(target: Store, ready: list[Open], curves: Curves) -> list[CalibrationReport]:
     """Write calibrations, or why there are none; of an equal one on the same runs only the time is renewed."""
     out = []
     with target.write() as session:
@@ -344,7 +271,7 @@ def _save(target: Store, ready: list[_Open], curves: Curves) -> list[Calibration
             row = None if one.kept is None else store.find_row(session, Calibration, one.kept.id)
             if row is None:
                 facts = _row_facts(one, curves)
-                digests = {packing.digest for packing in curves.evidence(one.ladder())}
+                digests = {packing.digest for packing in (*curves.evidence(one.ladder()), *one.runs)}
                 row = next(iter(store.equal_results(session, Calibration, facts, digests)), None)
             if row is None:
                 evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
@@ -354,6 +281,14 @@ def _save(target: Store, ready: list[_Open], curves: Curves) -> list[Calibration
             report = calibration_report(one.aggregate, row)
             out.append(replace(report, choice=one.choice, error=one.error))
     return out
+
+
+def _measured(row: Calibration, aggregate: Aggregate) -> float:
+    """Return the measured PD of a calibration; of one to an angle that of a vibrated density test, NaN without."""
+    if row.measured_angle_deg is None:
+        return math.nan if row.measured_packing_density is None else row.measured_packing_density
+    test = store.newest_test([test for test in aggregate.packing_tests if test.compaction == "vibrated"])
+    return math.nan if test is None else measured_test(test, particle_density(aggregate)).packing_density
 
 
 def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
@@ -377,7 +312,9 @@ def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationRep
         diameter=row.diameter_mm,
         rule=row.diameter_rule,
         sizes=tuple((size, share) for size, share in sizes),
-        measured=math.nan if row.measured_packing_density is None else row.measured_packing_density,
+        measured=_measured(row, aggregate),
+        angle=row.measured_angle_deg,
+        wall=row.wall_friction,
         compaction=row.packing_test.compaction if row.packing_test else "",
         protocol=protocol_of_text(row.protocol),
         friction=float(row.friction or 0.0),

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdlab import comparison, store, theory
+from pdlab.calibration import REPOSE
 from pdlab.comparison import CONFIDENCE, SEED, Errors, Figure, LeftOut
-from pdlab.errors import InputError, TooFewData
+from pdlab.errors import InputError, ProtocolError, TooFewData
 from pdlab.experiments.predictions import PredictionReport, comparisons
 from pdlab.experiments.readings import measured_mixture
 from pdlab.experiments.references import REFERENCES
@@ -176,9 +177,11 @@ def _simulated(reports: Sequence[PredictionReport], asked: Sequence[Recipe]) -> 
             value = report.packing_density
             recipe = compactions[report.mixture]
             try:
-                if report.method not in REFERENCES:  # which know of no density test
+                if report.method == REPOSE and recipe.compaction != "vibrated":
+                    raise ProtocolError(f"'{REPOSE}' is vibrated and the mixture is not; test it vibrated")
+                if report.method not in (REPOSE, *REFERENCES):  # beds are compacted as the aggregates' tests were
                     theory.check_compaction(report.method, recipe.materials, recipe.compaction)
-            except InputError as error:  # beds are compacted as the aggregates' tests were
+            except InputError as error:
                 value = str(error)
         out[report.method][report.mixture] = value
     return out

@@ -1,4 +1,4 @@
-"""The curves of packing density over friction that the store holds, and how they grow by what is calibrated."""
+"""The curves of packing density, or angle, over friction that the store holds, and how calibrations grow them."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol as Interface
@@ -52,11 +52,11 @@ class Curves:
 
     def known(self, ladder: Ladder) -> Curve | None:
         """Return a ladder's curve as far as it is known, None where no bed is."""
-        return calibration.curve(self._nodes.get(ladder, {}))
+        return calibration.curve(self._nodes.get(ladder, {}), ladder.sought)
 
     def reach(self, ladder: Ladder) -> tuple[float | None, float | None]:
-        """Return the PDs [-] of a ladder's loosest and densest bed, None where that is not simulated."""
-        return calibration.reach(self._nodes[ladder])
+        """Return the least and the largest value of a ladder, at its ends, None where that end is not simulated."""
+        return calibration.reach(self._nodes[ladder], ladder.sought)
 
     def evidence(self, ladder: Ladder) -> list[Packing]:
         """Return the runs that a ladder's curve rests on."""
@@ -76,3 +76,7 @@ class Curves:
             failed = next((outcome for outcome in found if isinstance(outcome, EngineError)), None)
             if failed is not None:
                 self.errors[ladder, node] = failed
+
+    def run(self, specimens: Sequence[Specimen]) -> Sequence[Packing | EngineError]:
+        """Return what specimens gave that are on no curve."""
+        return self._run_all(specimens)

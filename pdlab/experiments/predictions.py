@@ -8,8 +8,8 @@ from typing import Any
 
 from pdlab import grading, mixture, store
 from pdlab.calibration import METHOD
-from pdlab.errors import InputError, PdlabError, TooSoft
-from pdlab.experiments.calibrations import CalibrationReport, Way, calibrate_rows, calibration_report
+from pdlab.errors import InputError, PdlabError, ProtocolError, TooSoft
+from pdlab.experiments.calibrations import CalibrationReport, calibrate_rows, calibration_report
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
 from pdlab.experiments.references import (
@@ -23,9 +23,10 @@ from pdlab.experiments.references import (
     rule_of,
 )
 from pdlab.experiments.theories import Theoretical, components_of, evaluate, recipes
+from pdlab.experiments.ways import Way
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Aggregate, Mixture, Prediction, PredictionCalibration, PredictionRun, now
-from pdlab.specimen import LOOSE, Packing, Specimen
+from pdlab.specimen import Packing, Protocol, Specimen
 from pdlab.store import Store
 
 
@@ -73,12 +74,12 @@ class PredictionReport:
 
 @dataclass
 class _Blend:
-    """A mixture on its way to a prediction; ``choices``: what ``auto`` took for its aggregates, what a reference is."""
+    """A mixture on its way to a prediction; ``notes``: what ``auto`` took, what a reference is, other doubts."""
 
     row: Mixture
     parts: list[mixture.Part]
     calibration_ids: list[int]
-    choices: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     done: list[Packing] = field(default_factory=list)
     error: PdlabError | None = None
     stiffer: float = 1.0
@@ -119,7 +120,7 @@ def predict(
 
 
 def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
-    parts, ids, choices = [], [], []
+    parts, ids, notes = [], [], []
     total = math.fsum(component.solid_volume_share for component in row.components)  # 1 but for rounding
     for component in row.components:
         report = known[component.aggregate_id]
@@ -128,9 +129,13 @@ def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
             return _Blend(row, [], [], error=type(report.error or InputError())(text))
         ids.append(report.calibration_id)
         if report.choice:
-            choices.append(f"{report.aggregate}: {report.choice}")
+            notes.append(f"{report.aggregate}: {report.choice}")
         parts.append(_part(report, component.solid_volume_share / total))
-    return _Blend(row, parts, ids, choices)
+    test = store.newest_test(row.packing_tests)
+    by_angle = any(known[component.aggregate_id].angle is not None for component in row.components)
+    if by_angle and test is not None and test.compaction != "vibrated":
+        notes.append(f"the mixture's density test is {test.compaction}, what is calibrated to an angle is vibrated")
+    return _Blend(row, parts, ids, notes)
 
 
 def _open_reference(row: Mixture, aggregates: Mapping[int, Aggregate], way: Way) -> _Blend:
@@ -150,7 +155,7 @@ def _part(report: CalibrationReport, share: float) -> mixture.Part:
         share=share,
         sizes=report.sizes,
         friction=report.friction,
-        packing_density=report.measured,
+        packing_density=report.packing_density,
         input_error=report.result.input_error,
         curve_error=report.result.curve_error,
         protocol=report.protocol,
@@ -196,19 +201,27 @@ def _facts_of(blend: _Blend, method: str) -> dict[str, Any]:
         "packing_density": result.packing_density,
         "standard_error": result.standard_error,
         "input_error": result.input_error,
-        "warnings": "\n".join([*blend.choices, *result.warnings]) or None,
+        "warnings": "\n".join([*blend.notes, *result.warnings]) or None,
     }
+
+
+def _protocol_of(blend: _Blend) -> Protocol:
+    """Return the protocol of a mixture's beds; the first part's where it failed since they have none in common."""
+    try:
+        return mixture.common_protocol(blend.parts)
+    except ProtocolError:
+        return blend.parts[0].protocol
 
 
 def _save_prediction(target: Store, blend: _Blend, way: Way) -> int:
     """Write a prediction, or why there is none; of an equal one on the same runs only the time is renewed."""
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
-    protocol = mixture.stiffened(blend.parts[0].protocol if blend.parts else LOOSE, blend.stiffer)
+    protocol = protocol_text(mixture.stiffened(_protocol_of(blend), blend.stiffer))
     facts: dict[str, Any] = _facts_of(blend, way.method) | {
         "mixture_id": blend.row.id,
         "method": way.method,
         "variant": way.variant,
-        "protocol": made_by(way.method, way.rule) if way.method in REFERENCES else protocol_text(protocol),
+        "protocol": made_by(way.method, way.rule) if way.method in REFERENCES else protocol,
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:

@@ -4,13 +4,13 @@ import json
 import math
 from dataclasses import dataclass, replace
 
-from pdlab import density, grading, store
+from pdlab import angles, density, grading, store
 from pdlab.calibration import GRADED
 from pdlab.density import MeasuredPacking
-from pdlab.errors import GradingError, InputError
+from pdlab.errors import AngleError, GradingError, InputError
 from pdlab.grading import Grading
 from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run
-from pdlab.specimen import Packing, Protocol, protocol_of
+from pdlab.specimen import REPOSE, VIBRATED, Packing, Protocol, on_grid, protocol_of
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS
 
@@ -62,21 +62,43 @@ def current_grading(aggregate: Aggregate, pan_factor: float = 1.0) -> Grading | 
     return grading.make_grading(sieve_table(aggregate.sieve_analyses[-1]), pan_factor)
 
 
-def current_tests(aggregate: Aggregate, pan_factor: float = 1.0) -> tuple[Grading, PackingTest]:
-    """Return an aggregate's current grading and density test. Raises InputError where one is missing."""
-    sieved, test = current_grading(aggregate, pan_factor), store.newest_test(aggregate.packing_tests)
+def required_grading(aggregate: Aggregate, pan_factor: float = 1.0) -> Grading:
+    """Return an aggregate's current grading. Raises InputError where it was not sieved."""
+    sieved = current_grading(aggregate, pan_factor)
     if sieved is None:
         raise InputError(f"aggregate '{aggregate.name}' has no sieve analysis; enter one")
+    return sieved
+
+
+def wall_friction(aggregate: Aggregate) -> float | None:
+    """Return the friction of walls [-] from an aggregate's slip angle, None where none was entered. Raises AngleError.
+
+    On the grid that it is simulated on.
+    """
+    return None if aggregate.wall_angle_deg is None else on_grid(angles.wall_friction(aggregate.wall_angle_deg))
+
+
+def angle_protocols(wall: float | None) -> tuple[Protocol, Protocol]:
+    """Return how an angle of repose is simulated, and then the packing density of what has it.
+
+    ``wall``: friction of base, cylinder and floor [-], None for the protocol's rule.
+    """
+    return replace(REPOSE, wall_friction=wall), replace(VIBRATED, wall_friction=wall)
+
+
+def current_tests(aggregate: Aggregate, pan_factor: float = 1.0) -> tuple[Grading, PackingTest]:
+    """Return an aggregate's current grading and density test. Raises InputError where one is missing."""
+    sieved, test = required_grading(aggregate, pan_factor), store.newest_test(aggregate.packing_tests)
     if test is None:
         raise InputError(f"aggregate '{aggregate.name}' has no density test; enter one")
     return sieved, test
 
 
 def packing_of(run: Run) -> Packing:
-    """Return a stored run as the packing that it gave."""
+    """Return a stored run as the packing, or the heap, that it gave."""
     return Packing(
         digest=run.specimen_hash,
-        packing_density=float(run.packing_density or 0.0),
+        packing_density=math.nan if run.packing_density is None else run.packing_density,
         coordination_number=float(run.coordination_number or 0.0),
         height=float(run.height or 0.0),
         slab_shares=tuple(json.loads(run.slab_shares or "[]")),
@@ -86,6 +108,7 @@ def packing_of(run: Run) -> Packing:
         seconds=float(run.seconds or 0.0),
         engine_version=run.engine_version,
         warnings=tuple((run.warnings or "").splitlines()),
+        repose_angle_deg=run.repose_angle_deg,
     )
 
 
@@ -107,12 +130,22 @@ DISAGREEING = 3.0
 """Standard errors of their difference by which two current density tests may disagree."""
 
 
-def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest) -> list[str]:
-    """Return what speaks against a calibration to a density test, or was assumed in it."""
-    out = list(sieved.warnings)
+def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest | None = None) -> list[str]:
+    """Return what speaks against a calibration, to a density ``test`` if to one, or was assumed in it."""
+    out = [*sieved.warnings, *(_doubts_of_test(aggregate, sieved, test) if test is not None else ())]
+    fines = grading.passing_at(sieved, COHESIVE)
+    if fines > MOST_COHESIVE:
+        out.append(
+            f"{100.0 * fines:.3g} % are finer than {COHESIVE:g} mm, more than {100.0 * MOST_COHESIVE:g} %: cohesion, "
+            "which no bed here has, lowers their packing density"
+        )
+    return out if test is None else out + _disagreement(aggregate, test)
+
+
+def _doubts_of_test(aggregate: Aggregate, sieved: Grading, test: PackingTest) -> list[str]:
+    out, coarsest = list[str](), sieved.apertures[0]
     if test.compaction == "unstated":
         out.append("the density test's compaction is not stated: it is simulated as loose")
-    coarsest = sieved.apertures[0]
     if test.container_diameter_mm is not None and test.container_diameter_mm < NARROW * coarsest:
         out.append(
             f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than "
@@ -124,13 +157,7 @@ def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest) -> list[str
             f"the tested material held {test.moisture_percent:g} % of water, more than the {absorbed:g} % it absorbs: "
             "bulking, which no bed here knows, lowers its packing density"
         )
-    fines = grading.passing_at(sieved, COHESIVE)
-    if fines > MOST_COHESIVE:
-        out.append(
-            f"{100.0 * fines:.3g} % are finer than {COHESIVE:g} mm, more than {100.0 * MOST_COHESIVE:g} %: cohesion, "
-            "which no bed here has, lowers their packing density"
-        )
-    return out + _disagreement(aggregate, test)
+    return out
 
 
 def _disagreement(aggregate: Aggregate, test: PackingTest) -> list[str]:
@@ -161,21 +188,40 @@ def protocol_text(protocol: Protocol) -> str:
 
 
 def is_stale(fit: Calibration) -> bool:
-    """Return whether an aggregate was tested or sieved anew since its calibration, or one of the two corrected."""
+    """Return whether a calibration's aggregate was tested or sieved anew since, or what it rests on was corrected.
+
+    One to an angle does not rest on density tests.
+    """
     row = fit.aggregate
-    test, sieved = store.newest_test(row.packing_tests), current_grading(row)
-    if test is None or sieved is None:
+    sieved = current_grading(row)
+    if sieved is None or row.sieve_analyses[-1].id != fit.sieve_analysis_id:
         return True
-    if (test.id, row.sieve_analyses[-1].id) != (fit.packing_test_id, fit.sieve_analysis_id):
+    return (
+        grading.equivalent_diameters(sieved, [fit.diameter_rule])[fit.diameter_rule] != fit.diameter_mm
+        or spheres_text(fit.method, sieved, fit.leave_out_below_mm) != fit.spheres
+        or (_other_test(fit) if fit.measured_angle_deg is None else _other_angles(fit))
+    )
+
+
+def _other_test(fit: Calibration) -> bool:
+    test = store.newest_test(fit.aggregate.packing_tests)
+    if test is None or test.id != fit.packing_test_id:
         return True
-    measured = measured_test(test, particle_density(row))
+    measured = measured_test(test, particle_density(fit.aggregate))
     return (
         measured.packing_density != fit.measured_packing_density
         or (fit.state == "done" and measured.standard_error != fit.input_error)
-        or grading.equivalent_diameters(sieved, [fit.diameter_rule])[fit.diameter_rule] != fit.diameter_mm
         or protocol_text(protocol_of(test.compaction)) != fit.protocol
-        or spheres_text(fit.method, sieved, fit.leave_out_below_mm) != fit.spheres
     )
+
+
+def _other_angles(fit: Calibration) -> bool:
+    try:
+        wall = wall_friction(fit.aggregate)
+    except AngleError:  # corrected to what is none
+        return True
+    moved = fit.aggregate.repose_angle_deg != fit.measured_angle_deg
+    return moved or protocol_text(angle_protocols(wall)[1]) != fit.protocol  # which holds the wall's friction
 
 
 def older_engine(version: int | None, newest: int | None) -> str:

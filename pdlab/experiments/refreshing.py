@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 from pdlab import store
 from pdlab.errors import PdlabError
-from pdlab.experiments.calibrations import CalibrationReport, Way, calibrate_rows, calibration_report
+from pdlab.experiments.calibrations import CalibrationReport, calibrate_rows, calibration_report
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import older_engine
+from pdlab.experiments.ways import Way
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Calibration
 from pdlab.store import Store

@@ -93,16 +93,16 @@ def _material(row: Aggregate, rule: str) -> Material | PdlabError:
 
 
 def _recipe(row: Mixture, known: Mapping[int, Material | PdlabError]) -> Recipe:
-    materials = list[Material]()
+    materials, test = list[Material](), store.newest_test(row.packing_tests)
+    stated = None if test is None or test.compaction == "unstated" else test.compaction
     for part in row.components:
         one = known[part.aggregate_id]
         if isinstance(one, PdlabError):
-            return Recipe(row.name, error=one)
+            return Recipe(row.name, compaction=stated, error=one)
         materials.append(one)
     shares = tuple(part.solid_volume_share for part in row.components)
-    test = store.newest_test(row.packing_tests)
-    if test is not None and test.compaction != "unstated":
-        return Recipe(row.name, tuple(materials), shares, test.compaction)
+    if stated is not None:
+        return Recipe(row.name, tuple(materials), shares, stated)
     ways = {material.compaction for material in materials}
     return Recipe(row.name, tuple(materials), shares, ways.pop() if len(ways) == 1 else None)
 

@@ -25,8 +25,8 @@ Repeat = Callable[[Sequence[Specimen]], list[Kept]]
 ERRORS = 3.0
 """Standard errors by which a run repeated on another machine may be off."""
 LEAST_BEDS = 4
-"""Beds of one specimen whose PDs give a deviation of its own."""
-EXACT = ("state", "packing_density", "coordination_number", "steps")
+"""Beds of one specimen whose results give a deviation of its own."""
+EXACT = ("state", "packing_density", "repose_angle_deg", "coordination_number", "steps")
 """What equal machines give to the bit, beside the bed."""
 EQUAL, CLOSE, DIFFERS, OTHER_ENGINE, UNJUDGED = (
     "equal", "within 3 standard errors", "differs", "another engine version", "not judged",
@@ -37,13 +37,14 @@ EQUAL, CLOSE, DIFFERS, OTHER_ENGINE, UNJUDGED = (
 class Verified:
     """What a repeated run showed: ``verdict``, and ``message`` where it is not plain.
 
-    ``packing_density`` [-] as stored and ``repeated``; ``allowed`` [-]: the difference that is allowed, 0 where
-    bits are compared, None where nothing was.
+    ``quantity``: packing_density [-], or repose_angle_deg [degrees] of a heap, as ``stored`` and ``repeated``;
+    ``allowed``: the difference that is allowed, 0 where bits are compared, None where nothing was.
     """
 
     specimen_hash: str
     verdict: str
-    packing_density: float | None = None
+    quantity: str
+    stored: float | None = None
     repeated: float | None = None
     allowed: float | None = None
     message: str = ""
@@ -94,8 +95,19 @@ def _specimen(run: Run) -> tuple[str, Specimen | None]:
 def _verified(
     run: Run, verdict: str, other: Run | None = None, allowed: float | None = None, message: str = ""
 ) -> Verified:
-    repeated = None if other is None else other.packing_density
-    return Verified(run.specimen_hash, verdict, run.packing_density, repeated, allowed, message)
+    quantity = _quantity(run)
+    repeated = None if other is None else getattr(other, quantity)
+    return Verified(run.specimen_hash, verdict, quantity, getattr(run, quantity), repeated, allowed, message)
+
+
+def _quantity(run: Run) -> str:
+    """Return which column holds a run's result."""
+    return "packing_density" if run.repose_angle_deg is None else "repose_angle_deg"
+
+
+def _result(run: Run) -> float | None:
+    value: float | None = getattr(run, _quantity(run))
+    return value
 
 
 def _other_engine(run: Run) -> Verified:
@@ -112,13 +124,14 @@ def _compare(run: Run, bed: RunState | None, kept: Kept, deviations: "_Deviation
         message = f"not equal: {', '.join(wrong)}" if wrong else "" if bed else "it keeps no bed: numbers alone"
         return _verified(run, DIFFERS if wrong else EQUAL, other, 0.0, message)
     machine = f"made with numba {run.numba_version} on {run.processor}, here {here[0]} on {here[1]}"
-    if other.packing_density is None or run.packing_density is None:
+    here_now, there = _result(other), _result(run)
+    if here_now is None or there is None or _quantity(other) != _quantity(run):
         return _verified(run, DIFFERS, other, message=f"{other.error}; {machine}")
     deviation, source = deviations.of(run)
     if math.isnan(deviation):
         return _verified(run, UNJUDGED, other, message=f"{source}; {machine}")
     allowed = ERRORS * math.sqrt(2.0) * deviation  # the difference of two beds, each with this deviation
-    near = abs(other.packing_density - run.packing_density) <= allowed
+    near = abs(here_now - there) <= allowed
     return _verified(run, CLOSE if near else DIFFERS, other, allowed, f"{source}; {machine}")
 
 
@@ -135,23 +148,24 @@ def _equal_beds(one: RunState, other: RunState | None) -> bool:
 
 
 class _Deviations:
-    """How much the PDs of one specimen's seeds scatter in the store."""
+    """How much the results of one specimen's seeds scatter in the store: PDs, and angles apart from them."""
 
     def __init__(self, runs: Sequence[Run]) -> None:
-        self._values = defaultdict[str, list[float]](list)
+        self._values = defaultdict[tuple[str, str], list[float]](list)
         for run in runs:
-            if run.packing_density is not None:
-                self._values[_but_seed(run)].append(run.packing_density)
+            value = _result(run)
+            if value is not None:
+                self._values[_quantity(run), _but_seed(run)].append(value)
 
     def of(self, run: Run) -> tuple[float, str]:
-        """Return the standard deviation of one run's PD [-], and whence: its own seeds, from 4 on, else all specimens'.
+        """Return the standard deviation of one run's result, and whence: its own seeds, from 4 on, else all specimens'.
 
-        NaN where no specimen of the store has two seeds.
+        NaN where no specimen with such a result has two seeds in the store.
         """
-        own = self._values[_but_seed(run)]
+        own = self._values[_quantity(run), _but_seed(run)]
         if len(own) >= LEAST_BEDS:
             return float(np.std(own, ddof=1)), f"deviation of its {len(own)} seeds"
-        groups = [values for values in self._values.values() if len(values) > 1]
+        groups = [values for (kind, _), values in self._values.items() if kind == _quantity(run) and len(values) > 1]
         freedom = sum(len(values) - 1 for values in groups)
         if not freedom:
             return math.nan, "no specimen of the store has two seeds to tell its deviation"

@@ -1,0 +1,53 @@
+"""How aggregates become spheres: by which method, diameter rule and number of seeds, and what is assumed."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pdlab import calibration, grading
+from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING
+from pdlab.errors import InputError
+from pdlab.experiments.references import REFERENCES
+from pdlab.grading import DEFAULT_RULE
+from pdlab.specimen import Protocol
+
+AUTO = "auto"
+METHODS = (MONOSIZED, ROLLING, GRADED)
+"""Methods that calibrate to a density test; ``auto`` takes the first of them that reaches it."""
+OTHERS = (REPOSE, AUTO)
+
+
+@dataclass(frozen=True)
+class Way:
+    """How aggregates become spheres: a ``method``, a diameter ``rule``, ``seeds`` beds at a node of the curve.
+
+    ``leave_out``: graded spheres finer than this [mm] are left out, None for none. ``variant``: the name of an
+    assumption that is made differently, by the rule, by ``settings`` of the protocol, or by a ``pan_factor`` on the
+    lower size that is assumed of pans without one.
+    """
+
+    method: str = MONOSIZED
+    rule: str = DEFAULT_RULE
+    seeds: int = calibration.SEEDS
+    leave_out: float | None = None
+    variant: str = ""
+    settings: tuple[tuple[str, Any], ...] = ()
+    pan_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        known = (*METHODS, *OTHERS, *REFERENCES)
+        if self.method not in known:
+            raise InputError(f"'{self.method}' is no method; use one of {', '.join(known)}")
+        if self.rule not in grading.RULES:
+            raise InputError(f"'{self.rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
+        if self.seeds < calibration.LEAST_SEEDS:
+            raise InputError(f"{self.seeds} seeds give no standard error; use at least {calibration.LEAST_SEEDS}")
+        if self.leave_out is not None and not self.leave_out > 0.0:
+            raise InputError(f"a size of {self.leave_out:g} mm leaves nothing out; give one above 0")
+        if self.leave_out is not None and self.method not in (GRADED, AUTO):
+            raise InputError(
+                f"'{self.method}' has one size, of which nothing can be left out; use the method '{GRADED}' or '{AUTO}'"
+            )
+
+    def set(self, protocol: Protocol) -> Protocol:
+        """Return a protocol with the settings that are made differently."""
+        return replace(protocol, **dict(self.settings))
