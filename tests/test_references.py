@@ -248,7 +248,7 @@ def test_an_aggregate_that_was_not_sieved_is_a_named_error_of_its_mixture(
 
 @pytest.mark.parametrize("method", REFERENCES)
 def test_a_reference_calibrates_nothing(lab: Store, formula_runner: Any, method: str) -> None:
-    with pytest.raises(InputError, match=r"calibrates nothing; use monosized, monosized_rolling, graded or auto"):
+    with pytest.raises(InputError, match=r"calibrates nothing; use monosized, monosized_rolling, graded, repose, auto"):
         calibrate(lab, formula_runner(lab), (), Way(method))
 
 
