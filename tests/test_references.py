@@ -293,7 +293,8 @@ def test_a_drawn_reference_names_its_rule_and_no_friction(lab: Store, formula_ru
 
 
 def test_references_stand_in_the_lists_and_the_comparison(lab: Store, folder: Folder, formula_runner: Any) -> None:
-    register(lab, read_path(folder(packing_tests=MEASURED)))
+    loose = "coarse,loose,0.6\nsame,loose,0.6\nfine,loose,0.6\n"  # and one of the mixtures was rodded
+    register(lab, read_path(folder(packing_tests=MEASURED + loose)))
     for method in REFERENCES:
         predict(lab, formula_runner(lab), (), Way(method))
     _, listed = experiments.listed(lab, "predictions", columns=["mixture", "method", "state", "expected_error"])
