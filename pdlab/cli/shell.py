@@ -34,7 +34,10 @@ Method = Annotated[
 ]
 MethodOrReference = Annotated[
     str,
-    typer.Option(help="monosized, monosized_rolling, graded, auto; or a reference: static, drop_and_roll, ordered."),
+    typer.Option(
+        help="monosized, monosized_rolling, graded, or auto: the first that reaches the density; repose, by the angle "
+        "of repose; or a geometric reference: static, drop_and_roll, ordered."
+    ),
 ]
 LeaveOut = Annotated[float | None, typer.Option("--leave-out", help="Leave out graded spheres finer than this [mm].")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
