@@ -69,7 +69,7 @@ def reach(lab: Lab) -> str:
         curve, runs = curves.known(ladder), curves.evidence(ladder)
         assert curve is not None
         values = [point.value for point in curve.points]
-        densities = [point.packing_density for point in curve.points]
+        densities = [point.mean for point in curve.points]
         axes.errorbar(values, densities, 2.0 * curve.node_errors(), fmt="o", label=name)
         fine = np.linspace(0.0, 1.0, 201) ** 2
         axes.plot(fine, [curve.at(value) for value in fine], color=axes.lines[-1].get_color())
