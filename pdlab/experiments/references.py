@@ -69,8 +69,8 @@ def made_by(method: str, rule: str) -> str:
 
 
 def rule_of(row: Prediction) -> str:
-    """Return the diameter rule that is kept with a reference."""
-    return str(json.loads(row.protocol)["diameter_rule"])
+    """Return the diameter rule that is kept with a reference; empty where none is, which nothing is current by."""
+    return str(json.loads(row.protocol).get("diameter_rule", ""))
 
 
 def is_current(row: Prediction, aggregates: Mapping[int, Aggregate]) -> bool:
