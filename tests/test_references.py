@@ -198,11 +198,13 @@ def test_an_aggregate_sieved_anew_outdates_the_references_of_its_mixtures(
 def test_a_corrected_sieve_outdates_a_reference_and_putting_it_back_does_not(
     lab: Store, formula_runner: Any, method: str
 ) -> None:
-    predict(lab, formula_runner(lab), ["E"], Way(method))
+    predict(lab, formula_runner(lab), (), Way(method))
     correct(lab, {"sieve_result:2/0": {"aperture_mm": "20"}}, "A")
-    assert states(lab) == {("E", method): "outdated"}
+    assert states(lab) == {("M", method): "done", ("E", method): "outdated"}
     correct(lab, {"sieve_result:2/0": {"aperture_mm": "16"}}, "A")
-    assert states(lab) == {("E", method): "done"}
+    assert set(states(lab).values()) == {"done"}
+    correct(lab, {"sieve_result:3/0": {"aperture_mm": "9"}}, "A")  # the sizes' order, and ordered's number, stay
+    assert states(lab) == {("M", method): "outdated", ("E", method): "done"}
 
 
 @pytest.mark.parametrize("method", REFERENCES)

@@ -9,19 +9,11 @@ from typing import Any
 from pdlab import grading, mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import InputError, PdlabError, ProtocolError, TooSoft
+from pdlab.experiments import references
 from pdlab.experiments.calibrations import CalibrationReport, calibrate_rows, calibration_report
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
-from pdlab.experiments.references import (
-    ORDERED,
-    REFERENCES,
-    is_current,
-    made_by,
-    notes_of,
-    parts_of,
-    result_of,
-    rule_of,
-)
+from pdlab.experiments.references import ORDERED, REFERENCES
 from pdlab.experiments.theories import Theoretical, components_of, evaluate, recipes
 from pdlab.experiments.ways import Way
 from pdlab.grading import DEFAULT_RULE
@@ -140,11 +132,11 @@ def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
 
 def _open_reference(row: Mixture, aggregates: Mapping[int, Aggregate], way: Way) -> _Blend:
     try:
-        parts = parts_of(row, aggregates, way.method, way.rule, way.pan_factor)
+        parts = references.parts_of(row, aggregates, way.method, way.rule, way.pan_factor)
     except PdlabError as error:
         return _Blend(row, [], [], error=error)
     its = [aggregates[part.aggregate_id] for part in row.components]
-    return _Blend(row, parts, [], notes_of(way.method, its, way.pan_factor))
+    return _Blend(row, parts, [], references.notes_of(way.method, its, way.pan_factor))
 
 
 def _part(report: CalibrationReport, share: float) -> mixture.Part:
@@ -192,7 +184,7 @@ def _facts_of(blend: _Blend, method: str) -> dict[str, Any]:
     if blend.error is not None:
         return {"state": "failed", "message": str(blend.error)}
     if method in REFERENCES:
-        result = result_of(method, blend.parts, blend.done)
+        result = references.result_of(method, blend.parts, blend.done)
     else:
         result = mixture.predict(blend.parts, blend.done, blend.stiffer)
     return {
@@ -221,7 +213,7 @@ def _save_prediction(target: Store, blend: _Blend, way: Way) -> int:
         "mixture_id": blend.row.id,
         "method": way.method,
         "variant": way.variant,
-        "protocol": made_by(way.method, way.rule) if way.method in REFERENCES else protocol,
+        "protocol": references.made_by(way.method, way.rule, blend.parts) if way.method in REFERENCES else protocol,
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:
@@ -326,7 +318,7 @@ def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
     return PredictionReport(
         mixture=row.mixture.name,
         method=row.method,
-        rule=rule_of(row) if row.method in REFERENCES else ", ".join(sorted(rules)),
+        rule=references.rule_of(row) if row.method in REFERENCES else ", ".join(sorted(rules)),
         leave_out=max((link.calibration.leave_out_below_mm or 0.0 for link in row.calibrations), default=0.0) or None,
         packing_density=row.packing_density,
         standard_error=row.standard_error,
@@ -360,7 +352,7 @@ def _outdated(
     if out or row.state != "done":
         return out
     if row.method in REFERENCES:
-        if not is_current(row, aggregates):
+        if not references.is_current(row, aggregates):
             out.append("the mixture's sieves or shares are others since; run 'pdlab predict' again")
     elif not _rests_on_these_proportions(row):
         out.append("the mixture was corrected since; run 'pdlab predict' again")

@@ -62,9 +62,12 @@ def result_of(method: str, parts: Sequence[mixture.Part], done: Sequence[Packing
     return mixture.Predicted(geometry.nested(coarse_to_fine), 0.0, 0.0, 0, ())
 
 
-def made_by(method: str, rule: str) -> str:
-    """Return how a reference was made, as it is kept with it."""
-    settings = Protocol(method).settings() if method in PLACED else {"compaction": method}
+def made_by(method: str, rule: str, parts: Sequence[mixture.Part]) -> str:
+    """Return how a reference was made, as it is kept with it; of the ordered one, which has no beds, the sizes too."""
+    if method in PLACED:
+        settings = Protocol(method).settings()
+    else:
+        settings = {"compaction": method, "diameters_mm": [on_grid(part.sizes[0][0]) for part in parts]}
     return json.dumps(settings | {"diameter_rule": rule}, sort_keys=True)
 
 
@@ -74,11 +77,12 @@ def rule_of(row: Prediction) -> str:
 
 
 def is_current(row: Prediction, aggregates: Mapping[int, Aggregate]) -> bool:
-    """Return whether the present gradings and proportions ask for the bed that a reference rests on, or its number."""
+    """Return whether the present gradings and proportions ask for the bed that a reference rests on, or its sizes."""
     try:
         parts = parts_of(row.mixture, aggregates, row.method, rule_of(row))
         if row.method == ORDERED:
-            return result_of(row.method, parts, ()).packing_density == row.packing_density
+            same = result_of(row.method, parts, ()).packing_density == row.packing_density
+            return same and made_by(row.method, rule_of(row), parts) == row.protocol
         bed = mixture.next_specimens(parts, [])[0]
     except PdlabError:  # what the rows say now cannot be placed at all
         return False
