@@ -327,3 +327,27 @@ def test_the_shell_prints_references_as_such_and_refuses_to_calibrate_by_them(fo
     refused = pdlab("calibrate", "--method", "ordered")
     assert refused.returncode == 2
     assert "'ordered' is a geometric reference and calibrates nothing; use monosized" in refused.stderr
+
+
+@pytest.mark.parametrize("method", REFERENCES)
+def test_the_list_marks_a_reference_whose_aggregate_was_sieved_anew_or_corrected(
+    store: Store, folder: Folder, formula_runner: Any, method: str
+) -> None:
+    register(store, read_path(folder(aggregates=AGGREGATES, sieves=SIEVES, mixtures=MIXTURES)))
+    predict(store, formula_runner(store), (), Way(method))
+
+    def states() -> list[tuple[str, str]]:
+        listed = sorted(experiments.listed(store, "predictions", columns=["mixture", "state"])[1])
+        assert listed == sorted((one.mixture, one.state) for one in comparisons(store))
+        return [(mixture, state) for mixture, state in listed]
+
+    assert states() == [("E", "done"), ("M", "done")]
+    sieves = "aggregate,aperture_mm,passing_percent,date\nsame,4,100,2026-01-02\nsame,2,0,2026-01-02\n"
+    register(store, read_path(folder(sieves=sieves)))
+    assert states() == [("E", "outdated"), ("M", "done")]
+    predict(store, formula_runner(store), ["E"], Way(method))
+    assert states() == [("E", "done"), ("M", "done")]
+    correct(store, {"sieve_result:3/0": {"aperture_mm": "10"}}, "A")
+    states()
+    correct(store, {"sieve_result:3/0": {"aperture_mm": "8"}}, "A")
+    assert states() == [("E", "done"), ("M", "done")]

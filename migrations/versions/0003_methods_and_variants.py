@@ -74,6 +74,21 @@ OF_MIXTURE = """
     )
 """
 
+# a geometric reference rests on the sieve tables alone, and on no calibration
+OF_SIEVES = """
+    k.table_name = 'sieve_analysis' AND k.row_key = CAST(s.id AS TEXT)
+    OR k.table_name = 'sieve_result' AND k.row_key IN (
+        SELECT CAST(r.sieve_analysis_id AS TEXT) || '/' || CAST(r.position AS TEXT)
+        FROM sieve_result r WHERE r.sieve_analysis_id = s.id
+    )
+"""
+OF_OTHER_SIEVES = f"""EXISTS (
+            SELECT 1 FROM mixture_component y JOIN sieve_analysis s
+                ON s.id = (SELECT max(x.id) FROM sieve_analysis x WHERE x.aggregate_id = y.aggregate_id)
+            WHERE y.mixture_id = m.id
+                AND (s.created_at > p.requested_at OR s.version > 1 AND {corrected(OF_SIEVES, "p.requested_at")})
+        )"""
+
 OUTDATED_CALIBRATIONS = f"""
 CREATE VIEW outdated_calibrations AS
 SELECT c.id AS calibration_id, a.id AS aggregate_id, a.name AS aggregate
@@ -139,7 +154,8 @@ FROM (
         t.id AS packing_test_id, t.compaction,
         {measured(MEAN_DENSITY)} AS measured,
         p.message, p.warnings, ({OUTDATED.format(join=join)}) AS outdated,
-        m.version > 1 AND {corrected(OF_MIXTURE, "p.requested_at")} AS corrected,
+        m.version > 1 AND {corrected(OF_MIXTURE, "p.requested_at")}
+            OR p.method IN ('static', 'drop_and_roll', 'ordered') AND {OF_OTHER_SIEVES} AS corrected,
         p.requested_at, p.finished_at
     FROM mixture m
     LEFT JOIN prediction p ON p.mixture_id = m.id AND p.variant = '' AND p.state IN ('done', 'failed')
