@@ -20,7 +20,7 @@ import pandas as pd
 from pdlab.dem import heap, measures, profiles
 from pdlab.dem.bed import MARGIN, SURROUNDINGS
 from pdlab.errors import InputError
-from pdlab.specimen import Specimen
+from pdlab.specimen import PLACED, Specimen
 
 BINS, PAIR_BINS, PAIR_REACH = 10, 20, 3.0
 """Bins to a largest diameter, of the profiles and of g(r), and how many of these diameters g(r) reaches."""
@@ -83,7 +83,8 @@ class Bed:
     @cached_property
     def contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Spheres i < j of every contact and its overlap, in largest diameters, each of shape (C,)."""
-        return profiles.touching(self.place, self.width)
+        gap = profiles.GAP if self.specimen.protocol.compaction in PLACED else 0.0
+        return profiles.touching(self.place, self.width, gap)
 
     @property
     def contacts_by_species(self) -> np.ndarray:

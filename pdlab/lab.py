@@ -126,8 +126,9 @@ class Lab:
     ) -> pd.DataFrame:
         """Predict mixtures: the named, all, or those of a frame like mixtures.csv, which are registered.
 
-        ``method``, ``rule``, ``leave_out``: as in ``calibrate``. ``seeds``: also beds of each mixture at first. The
-        frame returned has a row for each mixture: its packing density [-] with its errors, the measured one, their
+        ``method``, ``rule``, ``leave_out``: as in ``calibrate``; or a geometric reference, ``static``,
+        ``drop_and_roll`` or ``ordered``, which needs no density test. ``seeds``: also beds of each mixture at first.
+        The frame returned has a row for each mixture: its packing density [-] with its errors, the measured one, their
         difference, and what Toufar's theory and the compressible packing model make of it. Raises TableError,
         UnknownName, InputError.
         """

@@ -21,17 +21,18 @@ class Part:
     """An aggregate in a mixture: its ``share`` of the solid volume and what calibration says of it.
 
     ``sizes``: the diameters [mm] of its spheres with their shares [-]; ``friction``, ``rolling`` [-];
-    ``packing_density`` measured, alone [-]; ``input_error`` and ``curve_error`` of its calibration, in PD [-];
-    ``protocol``: how its test was simulated; ``density``: oven-dry particle density [kg/m³].
+    ``packing_density`` measured, alone [-], NaN where nothing is calibrated; ``input_error`` and ``curve_error`` of
+    its calibration, in PD [-]; ``protocol``: how its test was simulated; ``density``: oven-dry particle density
+    [kg/m³].
     """
 
     aggregate: str
     share: float
     sizes: Sizes
-    friction: float
-    packing_density: float
-    input_error: float
-    curve_error: float
+    friction: float = 0.0
+    packing_density: float = math.nan
+    input_error: float = 0.0
+    curve_error: float = 0.0
     protocol: Protocol = LOOSE
     density: float | None = None
     rolling: float = 0.0
@@ -120,26 +121,30 @@ def sensitivities(parts: Sequence[Part], packing_density: float) -> np.ndarray:
     return np.asarray(shares * (packing_density / alone) ** 2)
 
 
+def uncalibrated(packings: Sequence[Packing]) -> Predicted:
+    """Return what the runs of a mixture's bed say, one for each seed, into which no calibration's error enters."""
+    mean = float(np.mean([packing.packing_density for packing in packings]))
+    warnings = dict.fromkeys(text for packing in packings for text in packing.warnings)
+    return Predicted(mean, seed_error(packings), 0.0, len(packings), tuple(warnings))
+
+
 def predict(parts: Sequence[Part], packings: Sequence[Packing], stiffer: float = 1.0) -> Predicted:
     """Return the prediction from the runs of a mixture's bed, one for each seed.
 
     ``stiffer``: how many times as stiff as in the calibrations the contacts were.
     """
-    mean = float(np.mean([packing.packing_density for packing in packings]))
-    weight = sensitivities(parts, mean)
+    plain = uncalibrated(packings)
+    weight, warnings = sensitivities(parts, plain.packing_density), plain.warnings
     # the parts' curves share runs, so that their errors add up
     curve_error = math.fsum(weight * [part.curve_error for part in parts])
-    warnings = dict.fromkeys(text for packing in packings for text in packing.warnings)
     if stiffer > 1.0:
-        text = (
+        warnings += (
             f"contacts are {stiffer:g} times as stiff as in the calibrations, since fine spheres bear what coarse ones "
-            "weigh; each factor of 2 lowers PD by some 0.001 to 0.002"
+            "weigh; each factor of 2 lowers PD by some 0.001 to 0.002",
         )
-        warnings[text] = None
-    return Predicted(
-        packing_density=mean,
-        standard_error=math.hypot(seed_error(packings), curve_error),
+    return replace(
+        plain,
+        standard_error=math.hypot(plain.standard_error, curve_error),
         input_error=float(np.linalg.norm(weight * [part.input_error for part in parts])),
-        seeds=len(packings),
-        warnings=tuple(warnings),
+        warnings=warnings,
     )

@@ -1,11 +1,12 @@
 """Specimen → bed → packing density, or angle of repose: the only room that calls the engine."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from pdlab import dem
-from pdlab.dem import bed, heap, measures, simulation
+from pdlab.dem import bed, deposition, heap, measures, profiles, saturation, simulation
 from pdlab.dem.jit import fingerprint
 from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import FILL_ABOVE, OWN, Packing, Specimen
@@ -16,6 +17,9 @@ SHARE_WARNING, SHARE_LIMIT = 0.02, 0.05
 
 LEAST_FOOT, LOPSIDED = 0.5, 2.0
 """Height in diameters below which a heap does not reach its base's edge; standard error, in degrees, that is said."""
+
+PLACING = {"static": saturation.random_placement, "drop_and_roll": deposition.drop_and_roll}
+"""The tests by geometry alone: what places the spheres of a bed."""
 
 State = bed.State
 Progress = simulation.Progress
@@ -55,10 +59,17 @@ def setup(specimen: Specimen) -> bed.Setup:
 def advance(specimen: Specimen, state: State | None, steps: int, threads: int = 1) -> State:
     """Return the bed after at most ``steps`` more steps, None standing for its beginning.
 
-    ``threads`` share the work of each step: worth it for large beds on idle cores. Raises RunDiverged,
-    NotAtRest, and InputError for more threads than cores.
+    A bed by geometry alone is placed at once. ``threads`` share the work of each step: worth it for large beds on
+    idle cores. Raises RunDiverged, NotAtRest, and InputError for more threads than cores.
     """
+    if specimen.protocol.compaction in PLACING:
+        return state or _placed(specimen)
     return simulation.advance(setup(specimen), state, steps, threads)
+
+
+def _placed(specimen: Specimen) -> State:
+    place, species = PLACING[specimen.protocol.compaction](setup(specimen))
+    return replace(bed.rest_free(place, species), rest="placed")
 
 
 def progress(specimen: Specimen, state: State) -> Progress:
@@ -73,12 +84,9 @@ def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
     its base, Segregated when the middle is another mixture.
     """
     whole = setup(specimen)
-    overlap = measures.largest_overlap(whole, state)
-    if overlap > measures.MAX_OVERLAP:
-        raise TooSoft(
-            f"two spheres overlap by {overlap:.2%} of the smaller diameter, more than the limit of "
-            f"{measures.MAX_OVERLAP:.0%}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}"
-        )
+    contacts = _contacts(specimen, whole, state)
+    overlap = measures.largest_overlap(state.place, *contacts)
+    _check_overlap(specimen, overlap)
     flank = _flank(specimen, whole, state) if specimen.protocol.compaction == "repose" else None
     rim = specimen.height if flank is None else None
     low, high = (0.0, rim) if rim is not None else measures.slab(state.place)
@@ -88,7 +96,7 @@ def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
     return Packing(
         digest=specimen.digest(VERSION),
         packing_density=math.nan if flank is not None else _density(specimen, whole, state, low, high),
-        coordination_number=measures.contacts_per_sphere(whole, state, *middle),
+        coordination_number=measures.contacts_per_sphere(state.place, *contacts[:2], *middle),
         height=flank.top if flank is not None else rim or 2.0 * (high - low),
         slab_shares=shares,
         largest_overlap=overlap,
@@ -99,6 +107,23 @@ def measure(specimen: Specimen, state: State, seconds: float) -> Packing:
         warnings=(*_share_warnings(specimen, shares), *_flank_warnings(flank)),
         repose_angle_deg=flank.angle if flank is not None else None,
     )
+
+
+def _contacts(specimen: Specimen, whole: bed.Setup, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the spheres i and j of every contact and its overlap, each of shape (K,)."""
+    if specimen.protocol.compaction in PLACING:
+        return profiles.touching(state.place, specimen.width, profiles.GAP)
+    return measures.contacts(whole, state)
+
+
+def _check_overlap(specimen: Specimen, overlap: float) -> None:
+    if overlap <= measures.MAX_OVERLAP:
+        return
+    said = f"two spheres overlap by {overlap:.2%} of the smaller diameter, more than the limit of "
+    said += f"{measures.MAX_OVERLAP:.0%}"
+    if specimen.protocol.compaction in PLACING:
+        raise RunDiverged(f"{said}, and none may; take another seed")
+    raise TooSoft(f"{said}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}")
 
 
 def _density(specimen: Specimen, whole: bed.Setup, state: State, low: float, high: float) -> float:

@@ -41,22 +41,20 @@ def on_grid(value: float) -> float:
 
 
 CONTAINERS = ("periodic", "cylinder")
+PLACED = ("static", "drop_and_roll")
+"""Tests by geometry alone, where no force acts and sizes and numbers are all that counts."""
 PAIR_FRICTIONS = ("minimum", "mean", "geometric_mean")
 """How the friction between spheres of two aggregates follows from theirs; the paper takes the minimum."""
 COMMON = (
-    "local_damping",
-    "moment_damping",
-    "restitution",
-    "nominal_overlap",
-    "cloud_fraction",
-    "steps_per_collision",
+    "local_damping", "moment_damping", "restitution", "nominal_overlap", "cloud_fraction", "steps_per_collision",
     "wall_friction",
-)
+)  # fmt: skip
 OWN = {
     "loose": (),
     "rodded": ("layers", "drops", "drop_height", "drop_pause"),
     "vibrated": ("shake_periods", "shake_acceleration", "shake_amplitude"),
     "repose": ("base_diameter", "lip_height", "lift_speed"),
+    **dict.fromkeys(PLACED, ()),
 }
 """The settings that each compaction has beside the common ones."""
 LIMITS = {
@@ -79,7 +77,8 @@ class Protocol:
     loose and then ``shake_periods`` of a vertical sine of peak acceleration ``shake_acceleration`` g and
     amplitude ``shake_amplitude``. Repose, the test of the angle of repose: a cylinder is filled as loose and lifted at
     ``lift_speed``, in sqrt(g d), from a round base of ``base_diameter`` with a lip of ``lip_height`` at its edge; what
-    falls off is taken away. ``container``: periodic, no side walls, or cylinder.
+    falls off is taken away. Static and drop_and_roll: spheres are placed by geometry alone, and no other setting
+    matters. ``container``: periodic, no side walls, or cylinder.
     ``local_damping``: PFC3D's α while spheres are poured and settle, on moments too with
     ``moment_damping``; compaction goes without.
     ``restitution`` of a bounce. ``nominal_overlap``: the bed's weight on its floor over the contact
@@ -121,6 +120,8 @@ class Protocol:
                 raise ProtocolError(f"{name} {value:g} lies outside [{low:g}, {high:g}]; choose a value inside")
         if self.compaction == "repose" and self.container != "cylinder":
             raise ProtocolError(f"a heap is not made in a {self.container} container; lift a cylinder")
+        if self.compaction in PLACED and self.container != "periodic":
+            raise ProtocolError(f"'{self.compaction}' places no spheres in a {self.container}; use container periodic")
         if self.restitution < STIFF_DASHPOT and self.steps_per_collision < STIFF_STEPS:
             raise ProtocolError(
                 f"restitution {self.restitution:g} at {self.steps_per_collision:g} steps per collision: below "
@@ -130,7 +131,8 @@ class Protocol:
     def settings(self) -> dict[str, Any]:
         """Return the settings that matter to this compaction, by name; of a pair's friction all but the minimum."""
         pair = () if self.pair_friction == "minimum" else ("pair_friction",)
-        return {n: getattr(self, n) for n in ("compaction", "container", *COMMON, *OWN[self.compaction], *pair)}
+        others = () if self.compaction in PLACED else (*COMMON, *OWN[self.compaction], *pair)
+        return {name: getattr(self, name) for name in ("compaction", "container", *others)}
 
 
 LOOSE, RODDED, VIBRATED = (Protocol(compaction) for compaction in ("loose", "rodded", "vibrated"))
@@ -196,17 +198,17 @@ class Specimen:
 
     def canonical(self, engine_version: int) -> str:
         """Return the one JSON text that stands for this specimen under ``dem.VERSION``."""
-        protocol = {**self.protocol.settings(), "wall_friction": self.wall_friction}
+        protocol, kinds = self.protocol.settings(), self.species
+        if self.protocol.compaction in PLACED:
+            kinds = tuple(Species(kind.diameter, 0.0, kind.count) for kind in kinds)
+        else:
+            protocol["wall_friction"] = self.wall_friction
         if len({kind.friction for kind in self.species}) == 1:
             protocol.pop("pair_friction", None)  # any rule gives the same friction
         content: dict[str, Any] = {
-            "engine_version": engine_version,
-            "protocol": protocol,
-            "seed": self.seed,
-            "species": [vars(kind) for kind in self.species],
-            "width": self.width,
-            "height": self.height,
-        }
+            "engine_version": engine_version, "protocol": protocol, "seed": self.seed,
+            "species": [vars(kind) for kind in kinds], "width": self.width, "height": self.height,
+        }  # fmt: skip
         return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
     def digest(self, engine_version: int) -> str:
@@ -220,7 +222,7 @@ class Packing:
 
     ``packing_density`` of the bed's middle half, or of a cylinder up to its rim; ``coordination_number``:
     contacts per sphere there, rattlers included; ``height`` in largest diameters; ``slab_shares`` (S,) of
-    the solids there; ``largest_overlap`` over the smaller diameter; ``rest``: still or creeping.
+    the solids there; ``largest_overlap`` over the smaller diameter; ``rest``: still, creeping or placed.
     ``repose_angle_deg``: a heap's angle of repose [degrees], None of what is no heap; a heap's packing density is NaN.
     """
 

@@ -7,6 +7,9 @@ from typing import Any
 from rich.text import Text
 from rich.tree import Tree
 
+from pdlab.experiments.references import ORDERED
+from pdlab.specimen import PLACED
+
 Facts = dict[str, Any]
 LEFT_OUT = ("address", "id", "name", "delivery", "position", "raw_text", "created_at", "message", "warnings")
 """Columns that a line of what was entered does without: they stand elsewhere in the tree, or in the data alone."""
@@ -32,7 +35,7 @@ def _grow(tree: Tree, facts: Facts) -> None:
                  "sieve_analysis"):  # fmt: skip
         if isinstance(facts.get(name), dict):
             _grow(tree.add(Text(_line(facts[name]))), facts[name])
-    for name in ("components", "results", "packing_tests", "sieve_analyses", "calibrations"):
+    for name in ("components", "results", "packing_tests", "sieve_analyses", "calibrations", "aggregates"):
         for child in facts.get(name, ()):
             _grow(tree.add(Text(_line(child))), child)
     _grow_runs(tree, facts.get("runs", ()))
@@ -64,7 +67,9 @@ def _of_sieve(facts: Facts) -> str:
 
 
 def _of_prediction(facts: Facts) -> str:
-    return f"{_error_bars(facts, 'standard_error')}, {_method(facts)}, {_made(facts)}"
+    rule = facts["protocol"].get("diameter_rule")  # kept by what rests on no calibration
+    method = _method(facts) + (f", diameter rule {rule}" if rule else "")
+    return f"{_error_bars(facts, 'standard_error')}, {method}, {_made(facts)}"
 
 
 def _of_calibration(facts: Facts) -> str:
@@ -106,10 +111,9 @@ def _error_bars(facts: Facts, simulation: str) -> str:
 
 def _made(facts: Facts) -> str:
     when = (facts["finished_at"] or facts["requested_at"])[:16].replace("T", " ")
-    return (
-        f"{facts['protocol']['compaction']}, engine version {facts['engine_version'] or 'unknown'}, {facts['state']} "
-        f"{when} UTC"
-    )
+    ordered = facts["method"] == ORDERED
+    by = "by a formula" if ordered else f"engine version {facts['engine_version'] or 'unknown'}"
+    return f"{facts['protocol']['compaction']}, {by}, {facts['state']} {when} UTC"
 
 
 def _of_run(facts: Facts) -> str:
@@ -167,10 +171,11 @@ def _result(run: Facts) -> str:
 
 
 def _specimen(specimen: Facts) -> str:
+    protocol = specimen.get("protocol", {})
+    placed = protocol.get("compaction") in PLACED  # where friction has no meaning
     kinds = [
-        f"{kind['count']} spheres of d {kind['diameter']:g} with μ {kind['friction']:g}"
+        f"{kind['count']} spheres of d {kind['diameter']:g}" + ("" if placed else f" with μ {kind['friction']:g}")
         for kind in specimen.get("species", ())
     ]
-    protocol = specimen.get("protocol", {})
     inside = f"{protocol.get('container', '')}, {specimen.get('width', 0):g} wide"
     return f"{' + '.join(kinds)}; {protocol.get('compaction', '')}, {inside}"

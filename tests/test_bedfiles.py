@@ -202,3 +202,16 @@ def test_the_first_engines_form_is_read_and_a_text_that_is_no_specimen_refused()
     for text in ("", "{}", "[]", old.replace('"loose"', '"stamped"'), old.replace('"seed"', '"sed"')):
         with pytest.raises(ProtocolError):
             from_canonical(text)
+
+
+def test_spheres_that_fell_and_rolled_show_the_contacts_that_their_run_reports(tmp_path: Path) -> None:
+    specimen = Specimen((Species(1.0, 0.0, 200),), 5.0, 1, Protocol("drop_and_roll"))
+    bed, state = settled(specimen)
+    report = packing.measure(specimen, state, 1.0)
+    low, high = bed.slab
+    counted = (bed.place[:, 2] >= low) & (bed.place[:, 2] <= high)
+    assert bed.contacts_by_species[0, 0] == pytest.approx(report.coordination_number)
+    assert counted.sum() > 50
+    assert 5.0 < report.coordination_number < 6.5
+    bedfiles.write(bed, tmp_path / "bed.vtp")
+    assert len(arrays(tmp_path / "bed.vtp")[1]["overlap"]) == len(bed.contacts[0]) > 400

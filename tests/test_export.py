@@ -276,6 +276,7 @@ def density_tests(draw: st.DrawFn) -> PackingTest:
         repeats=draw(st.none() | st.integers(1, 9)),
         standard_deviation=draw(st.none() | between(0.0, 0.05)),
         container_diameter_mm=draw(st.none() | between(1.0, 1e3)),
+        moisture_percent=draw(st.none() | between(0.0, 50.0)),
         standard=draw(OPTIONAL),
         date=draw(DATES),
         raw_text=draw(st.text(STORED, max_size=9)),

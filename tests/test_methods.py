@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy import select
 
 from pdlab import experiments
-from pdlab.errors import InputError, OutOfReach, SpecimenTooLarge
+from pdlab.errors import InputError, OutOfReach, SpecimenTooLarge, TableError
 from pdlab.experiments import CHOICES, Way, calibrate, comparisons, predict, register, sheet
 from pdlab.models import Calibration, Prediction, Run
 from pdlab.store import Store
@@ -163,6 +163,10 @@ def test_what_was_left_out_stands_with_the_result(lab: Store, folder: Folder, fo
     cut = calibrate(lab, formula_runner(lab), ["sand"], Way("graded", leave_out=2.0))[0]
     assert cut.result is not None
     assert "60 % of the solids, finer than 2 mm, are left out" in cut.result.warnings
+    (other,) = calibrate(lab, formula_runner(lab), ["sand"], Way("auto", leave_out=2.0))
+    assert other.result is not None
+    assert other.method == "monosized"
+    assert not any("left out" in text for text in other.result.warnings)
 
 
 def test_graded_spheres_beyond_the_cap_say_how_many_and_what_to_leave_out(
@@ -179,7 +183,14 @@ def test_graded_spheres_beyond_the_cap_say_how_many_and_what_to_leave_out(
 
 
 def test_a_rule_seeds_or_sizes_that_make_no_sense_are_refused() -> None:
-    for wrong in ({"method": "magic"}, {"rule": "median"}, {"seeds": 1}, {"leave_out": 0.0}):
+    one_size = {"method": "monosized", "leave_out": 2.0}
+    for wrong in (
+        {"method": "magic"},
+        {"rule": "median"},
+        {"seeds": 1},
+        {"method": "graded", "leave_out": 0.0},
+        one_size,
+    ):
         with pytest.raises(InputError):
             Way(**wrong)  # type: ignore[arg-type]
 
@@ -262,3 +273,22 @@ def test_more_than_five_percent_of_cohesive_fines_are_a_warning_that_is_kept(
     (report,) = calibrate(store, formula_runner(store), ["fine"])
     assert report.result is not None
     assert any("cohesion" in text for text in report.result.warnings) == warned
+
+
+@pytest.mark.parametrize(("moisture", "warned"), [("", False), ("1,5", False), ("4 %", True)])
+def test_a_test_of_material_wetter_than_it_absorbs_is_a_warning_that_is_kept(
+    store: Store, folder: Folder, formula_runner: Any, moisture: str, warned: bool
+) -> None:
+    aggregates = "name;water_absorption_percent\nA;1,5\n"
+    sieves = "aggregate,aperture_mm,passing_percent\nA,8,100\nA,4,0\n"
+    tests = f"material;compaction;packing_density;moisture_percent\nA;loose;0,6;{moisture}\n"
+    register(store, read_path(folder(aggregates=aggregates, sieves=sieves, packing_tests=tests)))
+    (report,) = calibrate(store, formula_runner(store), ["A"])
+    assert report.result is not None
+    assert any("bulking" in text for text in report.result.warnings) == warned
+
+
+def test_a_moisture_that_cannot_be_one_is_refused(store: Store, folder: Folder) -> None:
+    tests = "material,compaction,packing_density,moisture_percent\nA,loose,0.6,-1\n"
+    with pytest.raises(TableError, match="moisture_percent"):
+        register(store, read_path(folder(aggregates="name\nA\n", packing_tests=tests)))

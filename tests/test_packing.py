@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from pdlab import packing
+from pdlab.dem import measures
 from pdlab.dem.neighbors import no_pairs
 from pdlab.errors import RunDiverged, Segregated, TooSoft
-from pdlab.specimen import REPOSE, Component, Protocol, Species, Specimen, heap_spheres, in_cylinder
+from pdlab.specimen import PLACED, REPOSE, Component, Protocol, Species, Specimen, heap_spheres, in_cylinder
 
 HEAP = heap_spheres(0.3, 1, protocol=replace(REPOSE, base_diameter=14.0, lift_speed=0.5))
 MIXED = Specimen((Species(1.0, 0.3, 40), Species(0.5, 0.3, 320)), 4.0, 2)
@@ -117,3 +118,46 @@ def test_a_lopsided_heap_is_said(heaped: packing.State) -> None:
     out = packing.measure(HEAP, replace(heaped, place=place, pairs=no_pairs()), 1.0)
     assert any("the heap is lopsided" in warning for warning in out.warnings)
     assert packing.measure(HEAP, heaped, 1.0).warnings == ()
+
+
+def placed(test: str) -> tuple[Specimen, packing.State]:
+    specimen = Specimen((Species(1.0, 0.0, 60), Species(0.5, 0.0, 480)), 5.0, 2, Protocol(test))
+    return specimen, packing.advance(specimen, None, 1)
+
+
+def test_every_test_by_geometry_alone_is_placed_at_once() -> None:
+    assert set(packing.PLACING) == set(PLACED)
+    for test in PLACED:
+        specimen, bed = placed(test)
+        assert (bed.rest, bed.steps, bed.species.size) == ("placed", 0, specimen.spheres)
+        assert packing.advance(specimen, bed, 1) is bed
+        assert packing.progress(specimen, bed).share == 1.0
+
+
+def test_spheres_that_fell_and_rolled_have_six_contacts_less_those_with_the_floor() -> None:
+    specimen, bed = placed("drop_and_roll")
+    out = packing.measure(specimen, bed, 1.0)
+    assert 5.0 < out.coordination_number < 6.0
+    assert out.packing_density == measures.solid_fraction(bed.place, 25.0, *measures.slab(bed.place))
+    assert abs(out.largest_overlap) < 1e-9
+    assert (out.rest, out.steps) == ("placed", 0)
+
+
+def test_spheres_put_at_random_are_looser_and_do_not_touch() -> None:
+    random, rolled = (packing.measure(*placed(test), 1.0) for test in ("static", "drop_and_roll"))
+    assert random.coordination_number == 0.0
+    assert random.packing_density < rolled.packing_density - 0.05
+
+
+def test_a_placed_bed_whose_fines_ran_through_its_pores_is_refused() -> None:
+    specimen = Specimen((Species(1.0, 0.0, 120), Species(0.1, 0.0, 8000)), 4.0, 1, Protocol("drop_and_roll"))
+    with pytest.raises(Segregated, match=r"off the mixture's shares by .* the mixture segregates"):
+        packing.measure(specimen, packing.advance(specimen, None, 1), 1.0)
+
+
+def test_placed_spheres_that_overlap_are_refused() -> None:
+    specimen, bed = placed("drop_and_roll")
+    place = bed.place.copy()
+    place[:, 3] *= 1.03
+    with pytest.raises(RunDiverged, match=r"overlap by .* more than the limit of 2%, and none may; take another seed"):
+        packing.measure(specimen, replace(bed, place=place), 1.0)

@@ -9,6 +9,7 @@ import pytest
 from pdlab.errors import ProtocolError, ShareError, SpecimenTooLarge
 from pdlab.specimen import (
     LOOSE,
+    PLACED,
     REPOSE,
     RODDED,
     VIBRATED,
@@ -122,6 +123,20 @@ def test_a_heap_has_its_own_settings_and_its_own_walls() -> None:
     assert not {"base_diameter", "lip_height", "lift_speed"} & settings.keys()
 
 
+@pytest.mark.parametrize("test", PLACED)
+def test_nothing_but_sizes_and_numbers_tells_two_placed_beds_apart(test: str) -> None:
+    plain = Specimen((Species(1.0, 0.0, 60), Species(0.5, 0.0, 480)), 5.0, 1, Protocol(test))
+    rough = Specimen(
+        (Species(1.0, 0.4, 60, 0.9, 0.1), Species(0.5, 0.2, 480)), 5.0, 1,
+        Protocol(test, local_damping=0.0, restitution=0.9, wall_friction=0.3, pair_friction="mean"),
+    )  # fmt: skip
+    assert rough.digest(3) == plain.digest(3)
+    assert from_canonical(rough.canonical(3)) == plain
+    others = [replace(plain, seed=2), replace(plain, width=6.0), replace(plain, protocol=LOOSE)]
+    others += [replace(plain, species=plain.species[:1])]
+    assert len({one.digest(3) for one in [plain, *others]}) == 5
+
+
 def test_only_settings_of_its_own_compaction_tell_two_protocols_apart() -> None:
     assert equal_spheres(0.3, 1, Protocol(drops=3)).digest(1) == equal_spheres(0.3, 1).digest(1)
     assert equal_spheres(0.3, 1, Protocol("rodded", drops=3)).digest(1) != equal_spheres(0.3, 1, RODDED).digest(1)
@@ -185,6 +200,7 @@ def test_shares_that_are_no_proportions_are_refused(shares: tuple[float, float])
         {"restitution": 0.3},
         {"pair_friction": "largest"},
         {"compaction": "repose"},
+        {"compaction": "static", "container": "cylinder"},
         {"compaction": "repose", "container": "cylinder", "lip_height": 0.1},
         {"compaction": "repose", "container": "cylinder", "lift_speed": 0.0},
     ],

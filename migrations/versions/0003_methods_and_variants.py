@@ -241,6 +241,11 @@ def upgrade() -> None:
             op.f("ck_calibration_rolling_friction"),
             "rolling_friction >= 0 AND rolling_friction_low >= 0 AND rolling_friction_high >= 0",
         )
+    with op.batch_alter_table("packing_test") as batch_op:
+        batch_op.add_column(sa.Column("moisture_percent", sa.Double(), nullable=True))
+        batch_op.create_check_constraint(
+            op.f("ck_packing_test_moisture"), "moisture_percent >= 0 AND moisture_percent < 100"
+        )
     op.add_column("prediction", sa.Column("variant", sa.String(length=64), server_default="", nullable=False))
     op.drop_index("ix_prediction_newest", table_name="prediction")
     op.create_index("ix_prediction_newest", "prediction", NEWEST_PREDICTION)

@@ -11,6 +11,7 @@ import typer
 from pdlab.cli.shell import (
     LeaveOut,
     Method,
+    MethodOrReference,
     Rule,
     Store,
     Threads,
@@ -116,9 +117,12 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
         ]
         for report in reports
     ]  # fmt: skip
+    from pdlab.experiments import REFERENCES
+
     rules = ", ".join(sorted({report.rule for report in reports if report.rule})) or "none"
+    shown = "Reference beside" if reports[0].method in REFERENCES else "Predicted against"
     print_table(
-        f"Predicted against measured packing density (method {reports[0].method}, diameter rule {rules})",
+        f"{shown} measured packing density (method {reports[0].method}, diameter rule {rules})",
         [
             "mixture",
             *map(heading, PREDICTION),
@@ -192,7 +196,7 @@ def calibrate(
 
 def predict(
     mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
-    method: Method = "monosized",
+    method: MethodOrReference = "monosized",
     rule: Rule = "log_mean",
     seeds: Annotated[
         int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
@@ -221,7 +225,7 @@ def predict(
 
 def sheet(
     mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
-    method: Method = "monosized",
+    method: MethodOrReference = "monosized",
     rule: Rule = "log_mean",
     seeds: Annotated[
         int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")

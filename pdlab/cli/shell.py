@@ -32,6 +32,13 @@ Method = Annotated[
         "angle of repose."
     ),
 ]
+MethodOrReference = Annotated[
+    str,
+    typer.Option(
+        help="monosized, monosized_rolling, graded, or auto: the first that reaches the density; repose, by the angle "
+        "of repose; or a geometric reference: static, drop_and_roll, ordered."
+    ),
+]
 LeaveOut = Annotated[float | None, typer.Option("--leave-out", help="Leave out graded spheres finer than this [mm].")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
 Threads = Annotated[int, typer.Option(min=1, help="Threads that share one large bed.")]

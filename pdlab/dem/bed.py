@@ -223,7 +223,7 @@ class State:
     the list was made, and radius less allowance. ``pairs`` and ``near``: who may touch whom, with the
     springs. ``history`` (K, 2): time and PD of the middle at each look. ``stage``: number in
     ``Setup.stages``, begun at step ``stage_began``. ``rest``: "" while it moves, else "still" or
-    "creeping".
+    "creeping"; "placed" of spheres that never moved.
     """
 
     place: np.ndarray

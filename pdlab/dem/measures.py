@@ -54,16 +54,20 @@ def mean_force(setup: Setup, state: State) -> float:
     return float(every.mean()) if every.size else 0.0
 
 
-def contacts_per_sphere(setup: Setup, state: State, low: float, high: float) -> float:
-    """Return the mean contacts, walls excluded, of the spheres centred between two planes."""
-    i, j, _ = contacts(setup, state)
-    count = np.bincount(i, minlength=state.species.size) + np.bincount(j, minlength=state.species.size)
-    inside = (state.place[:, 2] >= low) & (state.place[:, 2] <= high)
+def contacts_per_sphere(place: np.ndarray, i: np.ndarray, j: np.ndarray, low: float, high: float) -> float:
+    """Return the mean contacts, walls excluded, of the spheres centred between two planes.
+
+    ``place`` (N, 4); ``i``, ``j`` (K,): the spheres of each contact.
+    """
+    count = np.bincount(i, minlength=len(place)) + np.bincount(j, minlength=len(place))
+    inside = (place[:, 2] >= low) & (place[:, 2] <= high)
     return float(count[inside].mean())
 
 
-def largest_overlap(setup: Setup, state: State) -> float:
-    """Return the largest overlap of two spheres over the smaller one's diameter."""
-    i, j, delta = contacts(setup, state)
-    smaller = 2.0 * np.minimum(state.place[i, 3], state.place[j, 3])
+def largest_overlap(place: np.ndarray, i: np.ndarray, j: np.ndarray, delta: np.ndarray) -> float:
+    """Return the largest overlap of two spheres over the smaller one's diameter.
+
+    ``place`` (N, 4); ``i``, ``j``, ``delta`` (K,): the spheres of each contact and its overlap.
+    """
+    smaller = 2.0 * np.minimum(place[i, 3], place[j, 3])
     return float((delta / smaller).max(initial=0.0))

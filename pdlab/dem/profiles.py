@@ -14,6 +14,8 @@ from scipy.spatial import cKDTree
 from pdlab.dem.measures import solid_fraction, solids_between
 from pdlab.errors import InputError
 
+GAP = 1e-9
+"""Gap, in largest diameters, up to which spheres that geometry alone placed are in contact: rounding is smaller."""
 NODES = 16
 """Gauss-Legendre nodes between two kinks of a slice's area: a sphere's part in a cylinder to 1e-8 of it."""
 
@@ -104,21 +106,22 @@ def pair_distribution(place: np.ndarray, width: float, low: float, high: float, 
     return _ratio(pairs, random)
 
 
-def touching(place: np.ndarray, width: float | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def touching(place: np.ndarray, width: float | None, gap: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the spheres i < j of every contact and its overlap in the unit of ``place``, each of shape (C,).
 
-    ``width`` of the periodic box, None where nothing repeats. In the order of i, then j. Raises InputError
-    where half the width is less than the largest diameter.
+    ``width`` of the periodic box, None where nothing repeats. ``gap``: up to which spheres are in contact, their
+    overlap then negative. In the order of i, then j. Raises InputError where half the width is less than the
+    largest diameter.
     """
     sizes, size = np.unique(place[:, 3], return_inverse=True)
     members = [np.flatnonzero(size == k) for k in range(sizes.size)]
-    trees = [_tree(place[one], width, 2.0 * float(sizes[-1])) for one in members]
+    trees = [_tree(place[one], width, 2.0 * float(sizes[-1]) + gap) for one in members]
     found = []
     for a in range(sizes.size):
         for b in range(a, sizes.size):
-            near = trees[a].sparse_distance_matrix(trees[b], sizes[a] + sizes[b], output_type="ndarray")
+            near = trees[a].sparse_distance_matrix(trees[b], sizes[a] + sizes[b] + gap, output_type="ndarray")
             i, j, overlap = members[a][near["i"]], members[b][near["j"]], sizes[a] + sizes[b] - near["v"]
-            kept = (overlap > 0.0) & ((i < j) | (a < b))  # within a size every pair comes twice
+            kept = (overlap > -gap) & ((i < j) | (a < b))  # within a size every pair comes twice
             found.append(np.stack([np.minimum(i, j)[kept], np.maximum(i, j)[kept], overlap[kept]]))
     i, j, overlap = np.concatenate(found, axis=1)
     order = np.lexsort((j, i))

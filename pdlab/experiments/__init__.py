@@ -13,6 +13,7 @@ from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
+from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register
 from pdlab.experiments.theories import Theoretical, by_theory
@@ -22,6 +23,7 @@ from pdlab.experiments.ways import METHODS, Way
 __all__ = [
     "CHOICES",
     "METHODS",
+    "REFERENCES",
     "Assumed",
     "CalibrationReport",
     "Compared",

@@ -8,6 +8,7 @@ from pdlab.errors import InputError
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.predictions import PredictionReport, predict
 from pdlab.experiments.readings import sieve_table
+from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.ways import Way
 from pdlab.specimen import PAIR_FRICTIONS
 from pdlab.store import Store
@@ -44,8 +45,9 @@ def sheet(target: Store, run_all: RunAll, names: Sequence[str] = (), way: Way | 
     """Predict mixtures by the whole chain, calibrations included, once as usual and once for each other choice.
 
     The choices: every other diameter rule, no local damping, the pair's friction by the mean and the geometric mean
-    instead of the minimum, and half and twice the lower size that is assumed of pans without one. What cannot be
-    worked out stands with its error. Raises UnknownName, and InputError for a way that is itself a variant.
+    instead of the minimum, and half and twice the lower size that is assumed of pans without one. To a geometric
+    reference only the rule and the pans matter. What cannot be worked out stands with its error. Raises UnknownName,
+    and InputError for a way that is itself a variant.
     """
     way = way or Way()
     if way.variant:
@@ -72,7 +74,7 @@ def _with_assumed_pans(target: Store, mixtures: Sequence[str]) -> set[str]:
 
 
 def variants_of(way: Way) -> list[tuple[str, str, Way]]:
-    """Return every choice made differently: its kind, its name, the way."""
+    """Return every choice made differently that matters to the method: its kind, its name, the way."""
     rules = [(RULES, rule, replace(way, rule=rule, variant=f"diameter_rule={rule}")) for rule in grading.RULES]
     undamped = replace(way, variant="local_damping=0", settings=(("local_damping", 0.0),))
     pairs = [
@@ -83,4 +85,5 @@ def variants_of(way: Way) -> list[tuple[str, str, Way]]:
         (PAN, f"{factor:g} times", replace(way, pan_factor=factor, variant=f"assumed_pan_size={factor:g}"))
         for factor in (0.5, 2.0)
     ]
-    return [*(one for one in rules if one[1] != way.rule), (DAMPING, "0", undamped), *pairs, *pans]
+    forces = [] if way.method in REFERENCES else [(DAMPING, "0", undamped), *pairs]
+    return [*(one for one in rules if one[1] != way.rule), *forces, *pans]

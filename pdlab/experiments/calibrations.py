@@ -13,7 +13,8 @@ from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
 from pdlab.experiments.curves import Curves, RunAll
 from pdlab.experiments.opening import Open, open_calibration
 from pdlab.experiments.readings import measured_test, particle_density, protocol_of_text
-from pdlab.experiments.ways import AUTO, Way
+from pdlab.experiments.references import REFERENCES
+from pdlab.experiments.ways import AUTO, METHODS, OTHERS, Way
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Aggregate, Calibration, CalibrationRun, now
 from pdlab.specimen import LOOSE, Packing, Protocol, Sizes
@@ -62,8 +63,12 @@ def calibrate(
 
     A calibration of the same tests by the same engine is read, never worked out again, unless more ``seeds`` than
     usual are asked for. Runs are shared: what is simulated for one aggregate serves the curve of the next. Raises
-    UnknownName.
+    UnknownName, and InputError for a geometric reference.
     """
+    if way is not None and way.method in REFERENCES:
+        raise InputError(
+            f"'{way.method}' is a geometric reference and calibrates nothing; use {', '.join((*METHODS, *OTHERS))}"
+        )
     with target.read() as session:
         rows = store.aggregates(session, names)
     if not rows:
@@ -86,7 +91,7 @@ def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], wa
         _work_out(target, list(waiting.values()), curves)
     for one in waiting.values():
         if isinstance(one.error, OutOfReach):
-            one.error = _elsewhere(one.error) if one.way.method == REPOSE else _with_reaches(one, one.error, curves)
+            one.error = _elsewhere(one.error) if one.method == REPOSE else _with_reaches(one, one.error, curves)
     reports |= dict(zip(waiting, _save(target, list(waiting.values()), curves), strict=True))
     return [reports[row.id] for row in rows]
 
@@ -94,13 +99,13 @@ def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], wa
 def _choose(target: Store, waiting: list[Open], curves: Curves) -> None:
     """Take for each aggregate the first method that reaches its density: monosized, then rolling, then graded."""
     for one in waiting:
-        one.way = replace(one.way, method=MONOSIZED)
+        one.method = MONOSIZED
     _work_out(target, waiting, curves)
     for method, looser in ((ROLLING, True), (GRADED, False)):
         further = [one for one in waiting if isinstance(one.error, OutOfReach) and one.error.looser == looser]
         for one in further:
             one.choice = f"'{method}' is taken, since {one.error}"
-            one.way, one.error = replace(one.way, method=method), None
+            one.method, one.error = method, None
         _work_out(target, further, curves)
 
 
@@ -122,9 +127,9 @@ def _work_out(target: Store, waiting: list[Open], curves: Curves) -> None:
         if known is not None:
             try:
                 if isinstance(one.measured, MeasuredPacking):
-                    one.result = calibration.solve(one.measured, known, one.way.method)
+                    one.result = calibration.solve(one.measured, known, one.method)
                 else:
-                    met.append((one, known, calibration.meet(one.measured, known, one.way.method)))
+                    met.append((one, known, calibration.meet(one.measured, known, one.method)))
             except OutOfReach as error:
                 one.error = error
     _pack(met, curves)
@@ -202,7 +207,7 @@ def _with_reaches(one: Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     curves.load(ladders)
     curves.extend({(ladder, calibration.NODES[end]): one.way.seeds for ladder in ladders for end in (0, -1)})
     reaches = {ladder.method: curves.reach(ladder) for ladder in ladders}
-    if one.way.method == GRADED:
+    if one.method == GRADED:
         reaches[GRADED] = curves.reach(one.ladder())
     spans = [f"'{method}' spans {calibration.span(reach)}" for method, reach in reaches.items()]
     if GRADED not in reaches and not error.looser and len(one.sizes(GRADED)) > 1:
@@ -210,8 +215,8 @@ def _with_reaches(one: Open, error: OutOfReach, curves: Curves) -> OutOfReach:
     value = one.measured.value
     reaching = [method for method, (low, high) in reaches.items() if (low or 0.0) <= value <= (high or 1.0)]
     return OutOfReach(
-        f"packing density {value:.4g} is out of reach of '{one.way.method}': {'; '.join(spans)}; "
-        f"{_remedy(one, error.looser, [method for method in reaching if method != one.way.method])}",
+        f"packing density {value:.4g} is out of reach of '{one.method}': {'; '.join(spans)}; "
+        f"{_remedy(one, error.looser, [method for method in reaching if method != one.method])}",
         error.looser,
     )
 
@@ -229,7 +234,7 @@ def _remedy(one: Open, looser: bool, reaching: Sequence[str]) -> str:
         return f"use the method '{reaching[0]}', or '{AUTO}'"
     if looser:
         return "no method of spheres is so loose: check the test"
-    if one.way.method != GRADED and len(one.sizes(GRADED)) > 1:
+    if one.method != GRADED and len(one.sizes(GRADED)) > 1:
         return f"use the method '{GRADED}', or '{AUTO}'"
     return "no bed of these spheres is so dense: check the test and its compaction, or sieve into more classes"
 
@@ -241,7 +246,7 @@ def _row_facts(one: Open, curves: Curves) -> dict[str, Any]:
         return facts | {"state": "failed", "message": str(one.error)}
     result, ends = one.result, (one.result.low, one.result.high)
     friction, rolling = one.ladder().coefficients(result.value)
-    of_rolling = one.way.method == ROLLING
+    of_rolling = one.method == ROLLING
     return facts | {
         "state": "done",
         "message": None,
@@ -254,7 +259,7 @@ def _row_facts(one: Open, curves: Curves) -> dict[str, Any]:
         "packing_density": result.packing_density,
         "input_error": result.input_error,
         "curve_error": result.curve_error,
-        "warnings": "\n".join(dict.fromkeys([*one.warnings, *result.warnings])) or None,
+        "warnings": "\n".join(dict.fromkeys([*one.warnings, *one.left_out(), *result.warnings])) or None,
     }
 
 

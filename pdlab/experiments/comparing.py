@@ -12,6 +12,7 @@ from pdlab.comparison import CONFIDENCE, SEED, Errors, Figure, LeftOut
 from pdlab.errors import InputError, ProtocolError, TooFewData
 from pdlab.experiments.predictions import PredictionReport, comparisons
 from pdlab.experiments.readings import measured_mixture
+from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.theories import MODELS, VOLUME_MEAN, Recipe, components_of, evaluate, recipes
 from pdlab.grading import DEFAULT_RULE
 from pdlab.store import Store
@@ -176,10 +177,10 @@ def _simulated(reports: Sequence[PredictionReport], asked: Sequence[Recipe]) -> 
             value = report.packing_density
             recipe = compactions[report.mixture]
             try:
-                if report.method != REPOSE:  # beds are compacted as the aggregates' tests were
-                    theory.check_compaction(report.method, recipe.materials, recipe.compaction)
-                elif recipe.compaction != "vibrated":
+                if report.method == REPOSE and recipe.compaction != "vibrated":
                     raise ProtocolError(f"'{REPOSE}' is vibrated and the mixture is not; test it vibrated")
+                if report.method not in (REPOSE, *REFERENCES):  # beds are compacted as the aggregates' tests were
+                    theory.check_compaction(report.method, recipe.materials, recipe.compaction)
             except InputError as error:
                 value = str(error)
         out[report.method][report.mixture] = value

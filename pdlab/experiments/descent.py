@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from pdlab import store
 from pdlab.experiments.addresses import address, find, row_key
+from pdlab.experiments.references import REFERENCES
 from pdlab.models import (
     CORRECTABLE,
     Aggregate,
@@ -37,16 +38,24 @@ def show(target: Store, what: str) -> Facts:
     and InputError where a bare name has several meanings.
     """
     with target.read() as session:
-        row = store.with_descent(session, find(session, what, SHOWN))
+        row = _descended(session, find(session, what, SHOWN))
         tree = _Tree()
         facts = tree.whole(row)
         last = _last_result(session, row)
         if last is not None:
-            facts[f"last_{last.__tablename__}"] = tree.whole(store.with_descent(session, last))
+            facts[f"last_{last.__tablename__}"] = tree.whole(_descended(session, last))
             del facts[f"last_{last.__tablename__}"][row.__tablename__]  # it stands above
         tree.add_corrections(session)
         facts["rests_on_it"] = store.resting_on(session, row)
     return facts
+
+
+def _descended(session: Session, row: Base) -> Base:
+    """Return a row with all that it rests on, a geometric reference with the sieve tables of its aggregates."""
+    found = store.with_descent(session, row)
+    if isinstance(found, Prediction) and found.method in REFERENCES:
+        store.aggregates_by_id(session, [part.aggregate_id for part in found.mixture.components])
+    return found
 
 
 def history(session: Session, entered: dict[tuple[str, str], dt.datetime]) -> list[Correction]:
@@ -98,6 +107,8 @@ class _Tree:
         if isinstance(row, Prediction):
             facts["mixture"] = self.whole(row.mixture)
             facts["calibrations"] = [self.whole(link.calibration) for link in row.calibrations]
+            if row.method in REFERENCES:
+                facts["aggregates"] = [self._graded(part.aggregate) for part in row.mixture.components]
         elif isinstance(row, Calibration):
             facts["aggregate"] = self.alone(row.aggregate)
             facts["packing_test"] = None if row.packing_test is None else self.alone(row.packing_test)
@@ -119,6 +130,9 @@ class _Tree:
         if isinstance(row, Prediction | Calibration):
             facts["runs"] = [self.alone(link.run) for link in row.runs]
         return facts
+
+    def _graded(self, row: Aggregate) -> Facts:
+        return self.alone(row) | {"sieve_analyses": [self._sieved(sieved) for sieved in row.sieve_analyses]}
 
     def _sieved(self, row: SieveAnalysis) -> Facts:
         return self.alone(row) | {"results": [self.alone(one, row.created_at) for one in row.results]}

@@ -1,5 +1,6 @@
 """An aggregate on its way to a calibration: what was measured of it, and the beds along its curve."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +18,7 @@ from pdlab.experiments.readings import (
     spheres_text,
     wall_friction,
 )
-from pdlab.experiments.ways import AUTO, Way
+from pdlab.experiments.ways import Way
 from pdlab.grading import Grading
 from pdlab.models import Aggregate, Calibration, SieveAnalysis
 from pdlab.specimen import Packing, Protocol, Sizes, on_grid, protocol_of
@@ -27,14 +28,15 @@ from pdlab.specimen import Packing, Protocol, Sizes, on_grid, protocol_of
 class Open:
     """An aggregate on its way to a calibration.
 
-    ``tested``: what its row says of the test that it is calibrated to. ``curve_protocol``: of the beds along its
-    curve; ``protocol``: of those whose packing density the calibration gives, and of mixtures. ``beds``: by friction,
-    those of spheres with the measured angle.
+    ``method``: the one that is tried, of ``auto`` one after the other. ``tested``: what its row says of the test
+    that it is calibrated to. ``curve_protocol``: of the beds along its curve; ``protocol``: of those whose packing
+    density the calibration gives, and of mixtures. ``beds``: by friction, those of spheres with the measured angle.
     """
 
     aggregate: Aggregate
     grading: Grading
     way: Way
+    method: str
     measured: Measured
     tested: dict[str, Any]
     curve_protocol: Protocol
@@ -67,14 +69,22 @@ class Open:
 
     def ladder(self, method: str | None = None) -> Ladder:
         """Return the beds of its curve, in units of its largest sphere: aggregates alike but for size share them."""
-        method = method or self.way.method
+        method = method or self.method
         sizes = self.sizes(method)
         reduced = tuple((on_grid(size / sizes[0][0]), on_grid(share)) for size, share in sizes)
         return Ladder(method, reduced, self.curve_protocol)
 
+    def left_out(self) -> list[str]:
+        """Return what is left out of its graded spheres, as a sentence."""
+        finest = self.way.leave_out
+        if self.method != GRADED or finest is None:
+            return []
+        lost = math.fsum(share for size, share in grading.sieve_classes(self.grading) if size < finest)
+        return [f"{100.0 * lost:.3g} % of the solids, finer than {finest:g} mm, are left out"] if lost else []
+
     def facts(self) -> dict[str, Any]:
         """Return what the calibration is worked out from, as its row names it."""
-        method = self.way.method
+        method = self.method
         return self.tested | {
             "aggregate_id": self.aggregate.id,
             "sieve_analysis_id": self.analysis.id,
@@ -109,13 +119,7 @@ def _to_density(row: Aggregate, way: Way) -> Open:
     tested = {"packing_test_id": test.id, "measured_packing_density": measured.packing_density}
     protocol = way.set(protocol_of(test.compaction))
     warnings = [*doubts(row, sieved, test), *measured.warnings]
-    if way.leave_out is not None and way.method in (GRADED, AUTO):
-        kept = sum(share for size, share in grading.sieve_classes(sieved) if size >= way.leave_out)
-        if kept < 1.0:
-            warnings.append(
-                f"{100.0 * (1.0 - kept):.3g} % of the solids, finer than {way.leave_out:g} mm, are left out"
-            )
-    return Open(row, sieved, way, measured, tested, protocol, protocol, warnings)
+    return Open(row, sieved, way, way.method, measured, tested, protocol, protocol, warnings)
 
 
 def _to_angle(row: Aggregate, way: Way) -> Open:
@@ -129,4 +133,4 @@ def _to_angle(row: Aggregate, way: Way) -> Open:
     }  # fmt: skip
     heaped, shaken = (way.set(protocol) for protocol in angle_protocols(wall))
     warnings = [*doubts(row, sieved), *measured.warnings]
-    return Open(row, sieved, way, measured, tested, heaped, shaken, warnings)
+    return Open(row, sieved, way, way.method, measured, tested, heaped, shaken, warnings)

@@ -2,16 +2,18 @@
 
 import json
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pdlab import grading, mixture, store
 from pdlab.calibration import METHOD
 from pdlab.errors import InputError, PdlabError, ProtocolError, TooSoft
+from pdlab.experiments import references
 from pdlab.experiments.calibrations import CalibrationReport, calibrate_rows, calibration_report
 from pdlab.experiments.curves import RunAll
 from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
+from pdlab.experiments.references import ORDERED, REFERENCES
 from pdlab.experiments.theories import Theoretical, components_of, evaluate, recipes
 from pdlab.experiments.ways import Way
 from pdlab.grading import DEFAULT_RULE
@@ -64,7 +66,7 @@ class PredictionReport:
 
 @dataclass
 class _Blend:
-    """A mixture on its way to a prediction; ``notes``: what ``auto`` took for its aggregates and why, other doubts."""
+    """A mixture on its way to a prediction; ``notes``: what ``auto`` took, what a reference is, other doubts."""
 
     row: Mixture
     parts: list[mixture.Part]
@@ -78,7 +80,7 @@ class _Blend:
 def predict(
     target: Store, run_all: RunAll, names: Sequence[str] = (), way: Way | None = None
 ) -> list[PredictionReport]:
-    """Predict the named mixtures, or all, calibrating their aggregates first where needed.
+    """Predict the named mixtures, or all, calibrating their aggregates first where the method does.
 
     The way's ``seeds``: beds at each node of the curve, and of each mixture at first. Each mixture's error stands in
     its report. Raises UnknownName.
@@ -90,9 +92,13 @@ def predict(
         raise InputError("the store holds no mixture yet; import some, or run 'pdlab demo'")
     with target.read() as session:
         parts = store.aggregates_by_id(session, components_of(rows))
-    known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, way)}
-    blends = [_open_blend(row, known) for row in rows]
-    _run_blends(blends, run_all, way.seeds)
+    if way.method in REFERENCES:
+        blends = [_open_reference(row, {one.id: one for one in parts}, way) for row in rows]
+    else:
+        known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, way)}
+        blends = [_open_blend(row, known) for row in rows]
+    if way.method != ORDERED:
+        _run_blends(blends, run_all, way.seeds)
     saved = [_save_prediction(target, blend, way) for blend in blends]
     fresh = _reports(target, saved)
     reports = [
@@ -122,6 +128,15 @@ def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
     if by_angle and test is not None and test.compaction != "vibrated":
         notes.append(f"the mixture's density test is {test.compaction}, what is calibrated to an angle is vibrated")
     return _Blend(row, parts, ids, notes)
+
+
+def _open_reference(row: Mixture, aggregates: Mapping[int, Aggregate], way: Way) -> _Blend:
+    try:
+        parts = references.parts_of(row, aggregates, way.method, way.rule, way.pan_factor)
+    except PdlabError as error:
+        return _Blend(row, [], [], error=error)
+    its = [aggregates[part.aggregate_id] for part in row.components]
+    return _Blend(row, parts, [], references.notes_of(way.method, its, way.pan_factor))
 
 
 def _part(report: CalibrationReport, share: float) -> mixture.Part:
@@ -165,10 +180,13 @@ def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
                 blend.stiffer, blend.done, blend.error = blend.stiffer * mixture.STIFFER, [], None
 
 
-def _facts_of(blend: _Blend) -> dict[str, Any]:
+def _facts_of(blend: _Blend, method: str) -> dict[str, Any]:
     if blend.error is not None:
         return {"state": "failed", "message": str(blend.error)}
-    result = mixture.predict(blend.parts, blend.done, blend.stiffer)
+    if method in REFERENCES:
+        result = references.result_of(method, blend.parts, blend.done)
+    else:
+        result = mixture.predict(blend.parts, blend.done, blend.stiffer)
     return {
         "state": "done",
         "message": None,
@@ -190,11 +208,12 @@ def _protocol_of(blend: _Blend) -> Protocol:
 def _save_prediction(target: Store, blend: _Blend, way: Way) -> int:
     """Write a prediction, or why there is none; of an equal one on the same runs only the time is renewed."""
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
-    facts: dict[str, Any] = _facts_of(blend) | {
+    protocol = protocol_text(mixture.stiffened(_protocol_of(blend), blend.stiffer))
+    facts: dict[str, Any] = _facts_of(blend, way.method) | {
         "mixture_id": blend.row.id,
         "method": way.method,
         "variant": way.variant,
-        "protocol": protocol_text(mixture.stiffened(_protocol_of(blend), blend.stiffer)),
+        "protocol": references.made_by(way.method, way.rule, blend.parts) if way.method in REFERENCES else protocol,
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
     with target.write() as session:
@@ -242,10 +261,11 @@ def comparisons(
     predicted = [one for several in found.values() for one in several]
     fits = {link.calibration_id: link.calibration for one in predicted for link in one.calibrations}
     stale = {key for key, fit in fits.items() if is_stale(fit)}
+    known = {one.id: one for one in parts}
     reports = [
         report
         for row in rows
-        for report in [_comparison(one, _outdated(one, stale, newest_engine)) for one in found.get(row.id, [])]
+        for report in [_comparison(one, _outdated(one, stale, known, newest_engine)) for one in found.get(row.id, [])]
         or [_open_comparison(row)]
     ]
     beside = {rule: _by_mixture(rows, parts, rule) for rule in {_one_rule(report) for report in reports}}
@@ -294,10 +314,11 @@ def _open_comparison(row: Mixture) -> PredictionReport:
 def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
     measured = measured_mixture(row.mixture)
     notes = [row.message or "", *(row.warnings or "").splitlines(), *outdated]
+    rules = {link.calibration.diameter_rule for link in row.calibrations}
     return PredictionReport(
         mixture=row.mixture.name,
         method=row.method,
-        rule=", ".join(sorted({link.calibration.diameter_rule for link in row.calibrations})),
+        rule=references.rule_of(row) if row.method in REFERENCES else ", ".join(sorted(rules)),
         leave_out=max((link.calibration.leave_out_below_mm or 0.0 for link in row.calibrations), default=0.0) or None,
         packing_density=row.packing_density,
         standard_error=row.standard_error,
@@ -313,10 +334,12 @@ def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
     )
 
 
-def _outdated(row: Prediction, stale: Collection[int], newest_engine: int | None) -> list[str]:
+def _outdated(
+    row: Prediction, stale: Collection[int], aggregates: Mapping[int, Aggregate], newest_engine: int | None
+) -> list[str]:
     """Return why a prediction is not what the store would give now, and what to do; empty where it is.
 
-    ``stale``: the ids of calibrations that are not.
+    ``stale``: the ids of calibrations that are not; ``aggregates``: by id, with their sieve analyses.
     """
     out = []
     names = [link.calibration.aggregate.name for link in row.calibrations if link.calibration_id in stale]
@@ -326,7 +349,12 @@ def _outdated(row: Prediction, stale: Collection[int], newest_engine: int | None
     if older:
         out.append(older)
     # an older engine's beds, or those of other diameters, say nothing of the proportions
-    if not out and row.state == "done" and not _rests_on_these_proportions(row):
+    if out or row.state != "done":
+        return out
+    if row.method in REFERENCES:
+        if not references.is_current(row, aggregates):
+            out.append("the mixture's sieves or shares are others since; run 'pdlab predict' again")
+    elif not _rests_on_these_proportions(row):
         out.append("the mixture was corrected since; run 'pdlab predict' again")
     return out
 

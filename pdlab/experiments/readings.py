@@ -132,7 +132,7 @@ DISAGREEING = 3.0
 
 def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest | None = None) -> list[str]:
     """Return what speaks against a calibration, to a density ``test`` if to one, or was assumed in it."""
-    out = [*sieved.warnings, *(_doubts_of_test(sieved, test) if test is not None else ())]
+    out = [*sieved.warnings, *(_doubts_of_test(aggregate, sieved, test) if test is not None else ())]
     fines = grading.passing_at(sieved, COHESIVE)
     if fines > MOST_COHESIVE:
         out.append(
@@ -142,7 +142,7 @@ def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest | None = Non
     return out if test is None else out + _disagreement(aggregate, test)
 
 
-def _doubts_of_test(sieved: Grading, test: PackingTest) -> list[str]:
+def _doubts_of_test(aggregate: Aggregate, sieved: Grading, test: PackingTest) -> list[str]:
     out, coarsest = list[str](), sieved.apertures[0]
     if test.compaction == "unstated":
         out.append("the density test's compaction is not stated: it is simulated as loose")
@@ -150,6 +150,12 @@ def _doubts_of_test(sieved: Grading, test: PackingTest) -> list[str]:
         out.append(
             f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than "
             f"{NARROW:g}: the wall's effect on the measured PD lies in the friction coefficient"
+        )
+    absorbed = aggregate.water_absorption_percent or 0.0
+    if (test.moisture_percent or 0.0) > absorbed:
+        out.append(
+            f"the tested material held {test.moisture_percent:g} % of water, more than the {absorbed:g} % it absorbs: "
+            "bulking, which no bed here knows, lowers its packing density"
         )
     return out
 

@@ -6,6 +6,7 @@ from typing import Any
 from pdlab import calibration, grading
 from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING
 from pdlab.errors import InputError
+from pdlab.experiments.references import REFERENCES
 from pdlab.grading import DEFAULT_RULE
 from pdlab.specimen import Protocol
 
@@ -33,15 +34,19 @@ class Way:
     pan_factor: float = 1.0
 
     def __post_init__(self) -> None:
-        known = (*METHODS, *OTHERS)
+        known = (*METHODS, *OTHERS, *REFERENCES)
         if self.method not in known:
-            raise InputError(f"'{self.method}' is no method that calibrates; use one of {', '.join(known)}")
+            raise InputError(f"'{self.method}' is no method; use one of {', '.join(known)}")
         if self.rule not in grading.RULES:
             raise InputError(f"'{self.rule}' is no diameter rule; use one of {', '.join(grading.RULES)}")
         if self.seeds < calibration.LEAST_SEEDS:
             raise InputError(f"{self.seeds} seeds give no standard error; use at least {calibration.LEAST_SEEDS}")
         if self.leave_out is not None and not self.leave_out > 0.0:
             raise InputError(f"a size of {self.leave_out:g} mm leaves nothing out; give one above 0")
+        if self.leave_out is not None and self.method not in (GRADED, AUTO):
+            raise InputError(
+                f"'{self.method}' has one size, of which nothing can be left out; use the method '{GRADED}' or '{AUTO}'"
+            )
 
     def set(self, protocol: Protocol) -> Protocol:
         """Return a protocol with the settings that are made differently."""

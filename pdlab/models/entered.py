@@ -145,6 +145,7 @@ class PackingTest(Edited, Base):
         CheckConstraint("repeats >= 1", name="repeats"),
         CheckConstraint("standard_deviation >= 0", name="standard_deviation"),
         CheckConstraint("container_diameter_mm > 0 AND container_height_mm > 0", name="container"),
+        CheckConstraint("moisture_percent >= 0 AND moisture_percent < 100", name="moisture"),
         Index(None, "aggregate_id"),
         Index(None, "mixture_id"),
     )
@@ -159,6 +160,7 @@ class PackingTest(Edited, Base):
     standard_deviation: Mapped[float | None]
     container_diameter_mm: Mapped[float | None]
     container_height_mm: Mapped[float | None]
+    moisture_percent: Mapped[float | None]
     standard: Mapped[str | None]
     date: Mapped[dt.date | None]
     raw_text: Mapped[str]

@@ -70,6 +70,7 @@ LAYOUT: dict[str, dict[str, Column]] = {
         "standard_deviation": _number(number(*BULK, "%")),
         "container_diameter_mm": _number(above_zero("mm")),
         "container_height_mm": _number(above_zero("mm")),
+        "moisture_percent": _number(percent_below_100),
         "standard": Column(parse_text),
         "date": Column(parse_date),
     },

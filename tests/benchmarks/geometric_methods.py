@@ -17,7 +17,6 @@ from pdlab.geometry import LATTICES, nested
 from pdlab.specimen import Component, Specimen, equal_spheres, mixed_spheres, with_seeds
 
 SEEDS = (1, 2, 3, 4)
-GAP = 1e-9
 SPECIMENS = {
     "equal spheres": equal_spheres(0.3, 1),
     "size ratio 3.5": mixed_spheres([Component(49.77, 0.1308, 0.5), Component(14.37, 0.2229, 0.5)], 1),
@@ -40,10 +39,9 @@ def watch(name: str, specimen: Specimen, place_them: Callable[[Setup], tuple[np.
         seconds.append(time.process_time() - begun)
         low, high = measures.slab(place)
         solids = np.bincount(species, measures.solids_between(place, low, high))
-        i, j, _ = profiles.touching(place + np.array([0.0, 0.0, 0.0, GAP]), setup.width)
-        count = np.bincount(np.concatenate([i, j]), minlength=len(place))
+        i, j, _ = profiles.touching(place, setup.width, profiles.GAP)
         density.append(measures.solid_fraction(place, setup.area, low, high))
-        contacts.append(count[(place[:, 2] >= low) & (place[:, 2] <= high)].mean())
+        contacts.append(measures.contacts_per_sphere(place, i, j, low, high))
         share.append(solids[0] / solids.sum())
     print(
         f"  {name:14} PD {np.mean(density):.4f}, standard deviation {np.std(density, ddof=1):.4f}; contacts "

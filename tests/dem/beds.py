@@ -1,4 +1,4 @@
-"""Three small beds whose bytes stand for the engine's version. ``python tests/dem/beds.py`` writes them anew."""
+"""Small beds whose bytes stand for the engine's version. ``python tests/dem/beds.py`` writes them anew."""
 
 import hashlib
 import json
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pdlab import dem
-from pdlab.dem import simulation
+from pdlab.dem import deposition, saturation, simulation
 from pdlab.dem.bed import Setup, State
 from pdlab.dem.jit import fingerprint
 
@@ -27,6 +27,12 @@ def setups() -> list[Setup]:
             4.0, 3, 0.5, local_damping=0.0, restitution=0.8,
         ),
     ]  # fmt: skip
+
+
+def placed() -> list[np.ndarray]:
+    """Places of a binary mixture's spheres by geometry alone: fallen and rolled, and put at random."""
+    setup = setups()[1]
+    return [place_them(setup)[0] for place_them in (deposition.drop_and_roll, saturation.random_placement)]
 
 
 def sha(state: State) -> str:
@@ -49,6 +55,7 @@ def record() -> dict[str, Any]:
         "fingerprint": fingerprint(),
         "exact": [sha(bed) for bed in beds],
         "coarse": [coarse(bed) for bed in early],
+        "placed": [hashlib.sha256(place.tobytes()).hexdigest() for place in placed()],
     }
 
 

@@ -31,6 +31,7 @@ def test_the_version_is_raised_when_the_bytes_of_a_bed_change() -> None:
     assert np.allclose(recorded["coarse"], now["coarse"], rtol=1e-5), hint
     if recorded["fingerprint"] == now["fingerprint"]:  # another processor rounds in its own way
         assert recorded["exact"] == now["exact"], hint
+        assert recorded["placed"] == now["placed"], hint
 
 
 def test_two_processes_give_equal_bytes_for_an_equal_seed() -> None:
@@ -120,7 +121,7 @@ def test_a_bed_comes_to_rest_with_small_overlaps_and_its_weight_on_the_floor(k: 
     state = simulation.advance(setup, None, 200_000)
     assert state.rest
     assert state.steps * setup.time_step >= setup.fall_time
-    assert 0.0 < measures.largest_overlap(setup, state) < 0.01
+    assert 0.0 < measures.largest_overlap(state.place, *measures.contacts(setup, state)) < 0.01
     depth = np.maximum(state.place[:, 3] - state.place[:, 2], 0.0)
     push = float((setup.laws[1][state.species, 0] * depth).sum())
     assert push == pytest.approx(float((setup.count * setup.mass).sum()), rel=0.02)
@@ -162,16 +163,18 @@ def test_contacts_per_sphere_of_a_row_of_three() -> None:
     setup = small(gravity=np.zeros(3))
     place = np.array([[0.5, 1.0, 1.0, 0.5], [1.499, 1.0, 1.0, 0.5], [2.498, 1.0, 1.0, 0.5]])
     state = simulation.march(setup, bed.rest_free(place, np.zeros(3, np.int64)), 1)
-    assert measures.contacts_per_sphere(setup, state, 0.0, 2.0) == pytest.approx(4.0 / 3.0)
-    assert measures.largest_overlap(setup, state) == pytest.approx(0.001, rel=0.1)
+    i, j, delta = measures.contacts(setup, state)
+    assert measures.contacts_per_sphere(state.place, i, j, 0.0, 2.0) == pytest.approx(4.0 / 3.0)
+    assert measures.largest_overlap(state.place, i, j, delta) == pytest.approx(0.001, rel=0.1)
 
 
 def test_contacts_are_counted_of_spheres_in_the_slab_only() -> None:
     setup = small(gravity=np.zeros(3))
     place = np.array([[1.0, 1.0, z, 0.5] for z in (1.0, 1.999, 2.998)])
     state = simulation.march(setup, bed.rest_free(place, np.zeros(3, np.int64)), 1)
-    assert measures.contacts_per_sphere(setup, state, 2.5, 4.0) == 1.0
-    assert measures.contacts_per_sphere(setup, state, 1.5, 2.5) == 2.0
+    i, j, _ = measures.contacts(setup, state)
+    assert measures.contacts_per_sphere(state.place, i, j, 2.5, 4.0) == 1.0
+    assert measures.contacts_per_sphere(state.place, i, j, 1.5, 2.5) == 2.0
 
 
 def test_a_still_bed_is_looked_at_twice_and_not_before_the_fall_time() -> None:
