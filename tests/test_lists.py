@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 import sqlalchemy as sa
 from benchmarks.store_speed import build
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 from pdlab import Lab
 from pdlab import store as store_module
 from pdlab.cli import app
+from pdlab.cli.tables import _show_list
 from pdlab.errors import ConditionError
 from pdlab.experiments import counted, listed
 from pdlab.lab import SHIPPED
@@ -243,3 +245,8 @@ def test_lab_gives_the_same_as_frames(tmp_path: Path) -> None:
         assert list(frame["aggregate"]) == ["pebbles L", "pebbles M"]
         assert lab.count("predictions", ["state=open", "measured>0.63"]) == 2
         assert list(lab.predictions(sort="-measured", limit=1)["mixture"]) == ["pebbles L+F 1:1"]
+
+
+def test_a_row_without_a_message_is_in_no_note_beside_one_that_has_one(capsys: pytest.CaptureFixture[str]) -> None:
+    _show_list(pd.DataFrame({"aggregate": ["A", "B"], "message": [None, "why"]}), "aggregates", 2, [])
+    assert [line for line in capsys.readouterr().out.splitlines() if line.startswith("note")] == ["note: B: why"]

@@ -63,9 +63,8 @@ def _show_bed(bed: "Bed", diameter: float | None) -> None:
 
     length, name = unit(diameter)[0], "d_max" if diameter is None else "mm"
     print(f"run {bed.digest[:12]}: {bed.state}" + (f" ({bed.error})" if bed.error else ""))
-    print(  # d_max: the largest diameter, the unit of all that is simulated
-        f"{len(bed.place)} spheres {_inside(bed, length, name)}, {_result(bed)}"
-    )
+    # d_max: the largest diameter, the unit of all that is simulated
+    print(f"{len(bed.place)} spheres {_inside(bed, length, name)}, {_result(bed)}")
     kinds, counts = bed.specimen.species, np.bincount(bed.species, minlength=len(bed.specimen.species))
     print_table(
         "Contacts per sphere of the middle half, by species",
@@ -75,6 +74,13 @@ def _show_bed(bed: "Bed", diameter: float | None) -> None:
             for k, row in enumerate(bed.contacts_by_species)
         ],
     )
+    _show_profile(bed, length, name)
+
+
+def _show_profile(bed: "Bed", length: float, name: str) -> None:
+    """Print a bed's packing density along the height, or the height of a heap's surface, in tenths."""
+    import numpy as np
+
     if bed.flank is None:
         title, column, edges = "Packing density along the height", "packing density", np.linspace(0.0, bed.height, 11)
         values = [number(value) for value in bed.along_height(edges)]

@@ -90,7 +90,7 @@ def ls(
 
 def _show_list(frame: "DataFrame", what: str, in_all: int, asked: Sequence[str]) -> None:
     """Print a page of a list, its messages below it where they are not asked for as a column."""
-    notes = list(frame.pop("message")) if "message" in frame and not asked else []
+    notes = list(frame.pop("message").fillna("")) if "message" in frame and not asked else []
     names = list(frame.iloc[:, 0])
     if not asked:
         frame = frame.drop(columns=frame.columns[(frame.isna() | (frame == "")).all()])

@@ -283,6 +283,19 @@ def _save(target: Store, ready: list[Open], curves: Curves) -> list[CalibrationR
     return out
 
 
+def _result(row: Calibration) -> calibration.Calibrated:
+    rolling = row.method == ROLLING
+    return calibration.Calibrated(
+        value=float((row.rolling_friction if rolling else row.friction) or 0.0),
+        low=row.rolling_friction_low if rolling else row.friction_low,
+        high=row.rolling_friction_high if rolling else row.friction_high,
+        packing_density=float(row.packing_density or 0.0),
+        input_error=float(row.input_error or 0.0),
+        curve_error=float(row.curve_error or 0.0),
+        warnings=tuple((row.warnings or "").splitlines()),
+    )
+
+
 def _measured(row: Calibration, aggregate: Aggregate) -> float:
     """Return the measured PD of a calibration; of one to an angle that of a vibrated density test, NaN without."""
     if row.measured_angle_deg is None:
@@ -293,16 +306,6 @@ def _measured(row: Calibration, aggregate: Aggregate) -> float:
 
 def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
     """Return a stored calibration as the report it gave."""
-    rolling = row.method == ROLLING
-    result = calibration.Calibrated(
-        value=float((row.rolling_friction if rolling else row.friction) or 0.0),
-        low=row.rolling_friction_low if rolling else row.friction_low,
-        high=row.rolling_friction_high if rolling else row.friction_high,
-        packing_density=float(row.packing_density or 0.0),
-        input_error=float(row.input_error or 0.0),
-        curve_error=float(row.curve_error or 0.0),
-        warnings=tuple((row.warnings or "").splitlines()),
-    )
     sizes = json.loads(row.spheres) if row.spheres else [(row.diameter_mm, 1.0)]
     return CalibrationReport(
         aggregate=aggregate.name,
@@ -319,6 +322,6 @@ def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationRep
         protocol=protocol_of_text(row.protocol),
         friction=float(row.friction or 0.0),
         rolling=float(row.rolling_friction or 0.0),
-        result=result if row.state == "done" else None,
+        result=_result(row) if row.state == "done" else None,
         density=particle_density(aggregate),
     )
