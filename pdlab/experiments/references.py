@@ -13,7 +13,7 @@ ORDERED = "ordered"
 REFERENCES = (*PLACED, ORDERED)
 NOTE = "reference, no prediction of this material"
 MEANINGS = {
-    "static": "spheres put at random, of which none touches another, looser than any bed",
+    "static": "spheres put at random, of which none touches another, looser than any bed without rolling resistance",
     "drop_and_roll": "spheres fall and roll to rest one by one, without friction, inertia or compaction",
     ORDERED: "sizes of infinite ratio, each in order in the voids of the coarser ones, denser than any poured bed",
 }
