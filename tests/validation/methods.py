@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from pdlab import Lab, calibration, grading
 from pdlab.batch import Progress
 from pdlab.calibration import GRADED, MONOSIZED, NODES, ROLLING, Ladder
-from pdlab.experiments import Compared, by_theory, summaries
+from pdlab.experiments import Compared, PredictionReport, by_theory, summaries
 from pdlab.experiments.assumptions import RULES
 from pdlab.experiments.curves import Curves
 from pdlab.specimen import on_grid
@@ -70,7 +70,7 @@ def reach(lab: Lab) -> str:
         assert curve is not None
         values = [point.value for point in curve.points]
         densities = [point.mean for point in curve.points]
-        axes.errorbar(values, densities, 2.0 * curve.node_errors(), fmt="o", label=name)
+        axes.errorbar(values, densities, 2.0 * curve.node_errors(), fmt="o", label=name.replace("`", ""))
         fine = np.linspace(0.0, 1.0, 201) ** 2
         axes.plot(fine, [curve.at(value) for value in fine], color=axes.lines[-1].get_color())
         spheres = ladder.beds(NODES[0], 1)[0].spheres
@@ -160,18 +160,22 @@ def rules(lab: Lab) -> str:
         diameters = [grading.equivalent_diameters(one, [rule])[rule] for one in gradings.values() if one is not None]
         (theory,) = by_theory(lab.store, [GRADINGS], rule, ("toufar",))
         report = simulated[rule]
-        density = number(report.packing_density)
-        said = f"{density} ± {number(report.standard_error)}" if density else f"refused: {report.message.split(';')[0]}"
-        rows.append(
-            [f"`{rule}`", *(number(value, 3) for value in diameters), said, number(theory.values.get("toufar"))]
-        )
+        cells = [f"`{rule}`", *(number(value, 3) for value in diameters)]
+        rows.append([*cells, said(report), number(theory.values.get("toufar"))])
     others = [
-        [f"{one.choice} {one.name}", *[""] * len(gradings), f"{number(one.report.packing_density)} ± "
-         f"{number(one.report.standard_error)}", ""]
-        for one in sheet.assumed if one.choice != RULES
-    ]  # fmt: skip
+        [f"{one.choice} {one.name}", *[""] * len(gradings), said(one.report), ""]
+        for one in sheet.assumed
+        if one.choice != RULES
+    ]
     columns = ("", *(f"d of {name} [mm]" for name in gradings), f"PD of {GRADINGS}, simulated", "Toufar")
     return markdown(columns, [*rows, *others])
+
+
+def said(report: PredictionReport) -> str:
+    """Return a prediction with its standard error, or the beginning of why there is none."""
+    if report.packing_density is None:
+        return f"none: {report.message.split(';')[0]}"
+    return f"{number(report.packing_density)} ± {number(report.standard_error)}"
 
 
 def write(tables: dict[str, str]) -> None:
