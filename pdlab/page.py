@@ -16,8 +16,7 @@ KIND_LABELS = {kind: heading(kind) for kind in KINDS}
 DENSITY_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
 BULK = tables.DENSITY_UNITS["bulk_density_kg_m3"]
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
-NEWEST = 200
-"""Mixtures that are compared on the page."""
+NEWEST = 200  # mixtures that are compared on the page; a docstring would be shown on it
 EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
 
 

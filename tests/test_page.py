@@ -64,6 +64,7 @@ def stored(lab: Store) -> list[str]:
 
 def test_an_empty_store_greets_with_the_first_step(lab: Store) -> None:
     app = page()
+    assert not app.markdown, "what stands on the page by itself, such as a constant's docstring"
     assert any("pdlab demo" in info.value for info in app.info)
 
 

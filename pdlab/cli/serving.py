@@ -47,7 +47,7 @@ def serve(
     flags = {
         "server.address": "127.0.0.1", "server.port": str(port), "server.headless": "true",
         "server.maxUploadSize": "20", "browser.gatherUsageStats": "false", "client.toolbarMode": "viewer",
-        "server.fileWatcherType": "none",
+        "server.fileWatcherType": "none", "runner.magicEnabled": "false",
     }  # fmt: skip
     command = [
         sys.executable,
