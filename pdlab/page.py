@@ -285,6 +285,8 @@ def _aggregates(target: Store) -> None:
             heading("friction"): [one.friction for one in known],
             heading("friction_low"): [one.friction_low for one in known],
             heading("friction_high"): [one.friction_high for one in known],
+            heading("rolling"): [one.rolling for one in known],
+            "method": [one.method for one in known],
             "source": [one.source for one in known],
         }
     )
@@ -295,6 +297,7 @@ def _aggregates(target: Store) -> None:
         heading("friction"): "%.4f",
         heading("friction_low"): "%.3f",
         heading("friction_high"): "%.3f",
+        heading("rolling"): "%.4f",
     }
     numbers = {name: st.column_config.NumberColumn(format=text) for name, text in formats.items()}
     st.dataframe(frame, hide_index=True, column_config=numbers, key="shelf")

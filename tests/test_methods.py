@@ -11,7 +11,7 @@ from sqlalchemy import select
 from pdlab import experiments
 from pdlab.errors import InputError, OutOfReach, SpecimenTooLarge, TableError
 from pdlab.experiments import CHOICES, Way, calibrate, comparisons, predict, register, sheet
-from pdlab.models import Calibration, Prediction, Run
+from pdlab.models import Calibration, Prediction, Run, now
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -235,7 +235,13 @@ def test_variants_are_in_no_list_and_no_current_calibration(lab: Store, formula_
     assert [(report.method, report.rule) for report in found] == [("auto", "log_mean")]
     undamped = [row for row in rows(lab, Calibration) if json.loads(row.protocol)["local_damping"] == 0.0]
     assert {row.variant for row in undamped} == {"local_damping=0"}
+    with lab.write() as session:  # asked for last, and of the same tests
+        fit = session.scalars(select(Calibration).where(Calibration.variant == "diameter_rule=harmonic")).first()
+        assert fit is not None
+        fit.requested_at, fit.friction = now(), 0.9
     summary = {one.name: one for one in experiments.summaries(lab)}
+    assert (summary["stone"].method, summary["stone"].friction) == ("monosized_rolling", 1.0)
+    assert (summary["stone"].rolling or 0.0) > 0.0
     usual = {one.aggregate: one for one in calibrate(lab, formula_runner(lab), ["round"])}
     assert usual["round"].result is not None
     assert summary["round"].friction == usual["round"].result.value

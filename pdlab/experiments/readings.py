@@ -235,7 +235,8 @@ def older_engine(version: int | None, newest: int | None) -> str:
 class Summary:
     """What is known of an aggregate: its current tests, and their calibration or why there is none.
 
-    ``diameter`` [mm] by the default rule; ``friction`` [-] with the ends of its interval, None where open.
+    ``diameter`` [mm] by the default rule; ``friction`` [-] with the ends of its interval, None where open; ``rolling``
+    friction [-] where that was calibrated; ``method``: of the calibration.
     """
 
     name: str
@@ -247,6 +248,8 @@ class Summary:
     friction: float | None = None
     friction_low: float | None = None
     friction_high: float | None = None
+    rolling: float | None = None
+    method: str = ""
     message: str = ""
 
 
@@ -260,7 +263,7 @@ def summaries(target: Store, engine_version: int | None = None) -> list[Summary]
         newest = engine_version or store.newest_engine(session)
         last: dict[int, Calibration] = {}
         for fit in store.calibrations(session, [row.id for row in rows]):
-            if not is_stale(fit):
+            if not fit.variant and not is_stale(fit):
                 last.setdefault(fit.aggregate_id, fit)
     return [_summary(row, last.get(row.id), newest) for row in rows]
 
@@ -273,5 +276,6 @@ def _summary(row: Aggregate, fit: Calibration | None, newest: int | None) -> Sum
         return known
     return replace(
         known, friction=fit.friction, friction_low=fit.friction_low, friction_high=fit.friction_high,
+        rolling=fit.rolling_friction, method=fit.method,
         message=fit.message or older_engine(fit.engine_version, newest),
     )  # fmt: skip
