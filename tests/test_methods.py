@@ -298,3 +298,12 @@ def test_a_moisture_that_cannot_be_one_is_refused(store: Store, folder: Folder) 
     tests = "material,compaction,packing_density,moisture_percent\nA,loose,0.6,-1\n"
     with pytest.raises(TableError, match="moisture_percent"):
         register(store, read_path(folder(aggregates="name\nA\n", packing_tests=tests)))
+
+
+def test_lists_show_the_rolling_friction_of_what_was_calibrated_to_it(lab: Store, formula_runner: Any) -> None:
+    (report,) = calibrate(lab, formula_runner(lab), ["stone"], Way("auto"))
+    columns = ["method", "friction", "rolling_friction", "rolling_friction_low", "rolling_friction_high"]
+    _, listed = experiments.listed(lab, "aggregates", ["aggregate=stone"], columns)
+    assert report.result is not None
+    result = report.result
+    assert [*listed[0]] == ["monosized_rolling", 1.0, result.value, result.low, result.high]

@@ -107,7 +107,8 @@ SELECT
     s.id AS sieve_analysis_id, s.finest_mm, s.coarsest_mm, s.log_mean_mm, t.id AS packing_test_id, t.compaction,
     {measured(OVEN_DRY)} AS measured_packing_density,
     c.id AS calibration_id, c.state, c.method, c.diameter_rule, c.diameter_mm, c.friction, c.friction_low,
-    c.friction_high, c.engine_version, c.message, a.created_at
+    c.friction_high, c.rolling_friction, c.rolling_friction_low, c.rolling_friction_high, c.engine_version, c.message,
+    a.created_at
 FROM aggregate a
 LEFT JOIN sieve_analysis s ON s.id = (SELECT max(x.id) FROM sieve_analysis x WHERE x.aggregate_id = a.id)
 LEFT JOIN packing_test t ON t.id = (SELECT max(x.id) FROM packing_test x WHERE x.aggregate_id = a.id)

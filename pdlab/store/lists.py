@@ -24,7 +24,7 @@ Condition = tuple[str, str, Value]
 SHOWN = {
     "aggregates": (
         "aggregate", "delivery", "finest_mm", "coarsest_mm", "diameter_mm", "packing_density", "friction",
-        "friction_low", "friction_high", "message",
+        "friction_low", "friction_high", "rolling_friction", "message",
     ),
     "mixtures": ("mixture", "aggregate", "solid_volume_share"),
     "runs": (
@@ -48,7 +48,8 @@ CURRENT = _view(
     "current_aggregates", aggregate_id=sa.Integer, name=sa.Text, delivery=sa.Text, source=sa.Text, shape=sa.Text,
     oven_dry_density_kg_m3=sa.Float, sieve_analysis_id=sa.Integer, finest_mm=sa.Float, coarsest_mm=sa.Float,
     log_mean_mm=sa.Float, compaction=sa.Text, measured_packing_density=sa.Float, calibration_id=sa.Integer,
-    diameter_rule=sa.Text, friction=sa.Float, friction_low=sa.Float, friction_high=sa.Float,
+    method=sa.Text, diameter_rule=sa.Text, friction=sa.Float, friction_low=sa.Float, friction_high=sa.Float,
+    rolling_friction=sa.Float, rolling_friction_low=sa.Float, rolling_friction_high=sa.Float,
     engine_version=sa.Integer, message=sa.Text, created_at=UtcDateTime,
 )  # fmt: skip
 PAIRS: sa.Table = Comparison.__table__  # type: ignore[assignment]
