@@ -1,7 +1,7 @@
-"""Everything that docs/validation.md shows: every table, then the figures, by one command.
+"""Everything that docs/validation.md and docs/methods.md show: tables and figures, by one command.
 
 ``python tests/validation/make.py`` runs the scripts beside it one after the other, in a folder of its own for
-their stores (``--folder``), so that a run broken off carries on where it was. Some two hours on two cores.
+their stores (``--folder``), so that a run broken off carries on where it was. Some three hours on two cores.
 """
 
 import subprocess
@@ -11,7 +11,10 @@ from typing import Annotated
 
 import typer
 
-SCRIPTS = ("friction_table.py", "protocols.py", "against_lammps.py", "carried_errors.py", "figures.py")
+SCRIPTS = (
+    "friction_table.py", "protocols.py", "against_lammps.py", "carried_errors.py", "figures.py", "repose_table.py",
+    "methods.py",
+)  # fmt: skip
 
 
 def main(
