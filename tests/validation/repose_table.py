@@ -33,7 +33,7 @@ def main(
         "Made by `python tests/validation/repose_table.py`.",
         "",
         f"Engine version {VERSION}, {seeds} heaps a row, protocol `repose`, equal spheres without rolling resistance,",
-        "on walls of their own friction. Angle of repose in degrees; seconds of one core a heap.",
+        "on walls of their own friction. Angle of repose in degrees; seconds a heap, by the clock of a busy machine.",
         "",
         "| μ | angle | standard error | one heap's deviation | contacts per sphere | seconds |",
         "|---|---|---|---|---|---|",
