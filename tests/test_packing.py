@@ -7,6 +7,7 @@ import pytest
 
 from pdlab import packing
 from pdlab.dem import measures
+from pdlab.dem.contact import MU
 from pdlab.dem.neighbors import no_pairs
 from pdlab.errors import RunDiverged, Segregated, TooSoft
 from pdlab.specimen import PLACED, REPOSE, Component, Protocol, Species, Specimen, heap_spheres, in_cylinder
@@ -161,3 +162,12 @@ def test_placed_spheres_that_overlap_are_refused() -> None:
     place[:, 3] *= 1.03
     with pytest.raises(RunDiverged, match=r"overlap by .* more than the limit of 2%, and none may; take another seed"):
         packing.measure(specimen, replace(bed, place=place), 1.0)
+
+
+def test_the_friction_of_a_pair_that_a_protocol_names_is_the_one_that_acts() -> None:
+    kinds = (Species(1.0, 0.2, 40), Species(0.5, 0.8, 320))
+    acting = {}
+    for rule in ("minimum", "mean", "geometric_mean"):
+        setup = packing.setup(Specimen(kinds, 4.0, 2, Protocol(pair_friction=rule)))
+        acting[rule] = float(setup.laws[0][0, 1, MU])
+    assert acting == {"minimum": 0.2, "mean": 0.5, "geometric_mean": pytest.approx(0.4)}
