@@ -8,6 +8,7 @@ from sqlalchemy.orm import Mapped, declared_attr, mapped_column, relationship
 
 from pdlab.models.columns import Base, exactly_one, now, one_of
 
+DRAFTED = ("aggregate", "mixture")
 CORRECTABLE = ("aggregate", "sieve_analysis", "sieve_result", "packing_test", "mixture", "mixture_component")
 
 
@@ -190,3 +191,15 @@ class Correction(Base):
     corrected_by: Mapped[str]
     reason: Mapped[str | None]
     corrected_at: Mapped[dt.datetime] = mapped_column(default=now)
+
+
+class Draft(Base):
+    """What somebody is entering and has not saved yet, as JSON of the texts that stand in the form."""
+
+    __tablename__ = "draft"
+    __table_args__ = (one_of("kind", DRAFTED),)
+    id: Mapped[int] = mapped_column(primary_key=True)
+    kind: Mapped[str] = mapped_column(String(16))
+    content: Mapped[str]
+    created_at: Mapped[dt.datetime] = mapped_column(default=now)
+    saved_at: Mapped[dt.datetime] = mapped_column(default=now)

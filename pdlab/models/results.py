@@ -20,10 +20,11 @@ class Wish:
     """Columns of what is asked for and computed: who asked when, who works on it, how far it is.
 
     ``variant``: empty for the method as it is, else a row of the assumption sheet, as ``pair_friction=mean``.
+    ``asked``: how it is to be worked out, as JSON (``experiments.ways``); of a result that nobody wished for, None.
     """
 
     variant: Mapped[str] = mapped_column(String(64), default="", server_default="")
-
+    asked: Mapped[str | None]
     state: Mapped[str] = mapped_column(String(16), default="queued")
     requested_at: Mapped[dt.datetime] = mapped_column(default=now)
     finished_at: Mapped[dt.datetime | None]
@@ -194,6 +195,75 @@ class PredictionCalibration(Base):
     __tablename__ = "prediction_calibration"
     __table_args__ = (Index(None, "calibration_id"),)
     prediction_id: Mapped[int] = mapped_column(ForeignKey("prediction.id"), primary_key=True)
+    calibration_id: Mapped[int] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
+    calibration: Mapped[Calibration] = relationship()
+
+
+class Sweep(Wish, Base):
+    """Packing density along the proportions of two aggregates or more, and the densest mix [-] with its errors.
+
+    ``wished_error``: standard error [-] of the densest mix at which no more is run; ``most_specimens``: proportions
+    that may be simulated. ``curve``: what is drawn, as JSON (``experiments.sweeps``).
+    """
+
+    __tablename__ = "sweep"
+    __table_args__ = (
+        one_of("state", STATES),
+        CheckConstraint("packing_density > 0 AND packing_density < 1", name="packing_density"),
+        CheckConstraint("standard_error >= 0 AND input_error >= 0", name="errors"),
+        CheckConstraint("wished_error > 0 AND most_specimens > 0", name="wished"),
+        CheckConstraint("state <> 'done' OR packing_density IS NOT NULL", name="done_has_result"),
+        CheckConstraint("progress BETWEEN 0 AND 1", name="progress"),
+        Index(None, "state"),
+    )
+    id: Mapped[int] = mapped_column(primary_key=True)
+    method: Mapped[str] = mapped_column(String(32))
+    wished_error: Mapped[float]
+    most_specimens: Mapped[int]
+    engine_version: Mapped[int | None]
+    packing_density: Mapped[float | None]
+    standard_error: Mapped[float | None]
+    input_error: Mapped[float | None]
+    curve: Mapped[str | None]
+    warnings: Mapped[str | None]
+    components: Mapped[list["SweepComponent"]] = relationship(order_by="SweepComponent.position")
+    runs: Mapped[list["SweepRun"]] = relationship()
+    calibrations: Mapped[list["SweepCalibration"]] = relationship()
+
+
+class SweepComponent(Base):
+    """An aggregate of a sweep, with its shares [-] of the densest mix and of the one to test next."""
+
+    __tablename__ = "sweep_component"
+    __table_args__ = (
+        CheckConstraint("densest_share BETWEEN 0 AND 1", name="densest_share"),
+        CheckConstraint("next_share BETWEEN 0 AND 1", name="next_share"),
+        Index(None, "aggregate_id"),
+    )
+    sweep_id: Mapped[int] = mapped_column(ForeignKey("sweep.id"), primary_key=True)
+    position: Mapped[int] = mapped_column(primary_key=True)
+    aggregate_id: Mapped[int] = mapped_column(ForeignKey("aggregate.id"))
+    densest_share: Mapped[float | None]
+    next_share: Mapped[float | None]
+    aggregate: Mapped[Aggregate] = relationship()
+
+
+class SweepRun(Base):
+    """A run that a sweep rests on."""
+
+    __tablename__ = "sweep_run"
+    __table_args__ = (Index(None, "specimen_hash"),)
+    sweep_id: Mapped[int] = mapped_column(ForeignKey("sweep.id"), primary_key=True)
+    specimen_hash: Mapped[str] = mapped_column(ForeignKey("run.specimen_hash"), primary_key=True)
+    run: Mapped[Run] = relationship()
+
+
+class SweepCalibration(Base):
+    """A calibration that a sweep rests on."""
+
+    __tablename__ = "sweep_calibration"
+    __table_args__ = (Index(None, "calibration_id"),)
+    sweep_id: Mapped[int] = mapped_column(ForeignKey("sweep.id"), primary_key=True)
     calibration_id: Mapped[int] = mapped_column(ForeignKey("calibration.id"), primary_key=True)
     calibration: Mapped[Calibration] = relationship()
 
