@@ -6,6 +6,7 @@ count what a plan would cost.
 
 from collections.abc import Callable, Generator, Sequence
 from typing import Any, TypeVar
+from typing import Protocol as Interface
 
 from pdlab.errors import EngineError
 from pdlab.specimen import Packing, Specimen
@@ -15,11 +16,20 @@ Outcome = Packing | EngineError
 """What a specimen gave: its packing, or why there is none."""
 Plan = Generator[Sequence[Specimen], Sequence[Outcome], T]
 """Yields specimens, is sent their outcomes in the same order, and returns its result."""
-RunAll = Callable[[Sequence[Specimen]], Sequence[Outcome]]
-"""Runs specimens, or reads those already run; returns in the same order what each gave."""
 
 
-def finish(plan: Plan[T], run_all: RunAll) -> T:
+class RunAll(Interface):
+    """Runs specimens by its engine, or reads those already run; returns in the same order what each gave."""
+
+    @property
+    def engine_version(self) -> int:
+        """The version of the engine whose runs it gives."""
+
+    def __call__(self, specimens: Sequence[Specimen], /) -> Sequence[Outcome]:
+        """Return what the specimens gave."""
+
+
+def finish(plan: Plan[T], run_all: Callable[[Sequence[Specimen]], Sequence[Outcome]]) -> T:
     """Carry a plan on to its result."""
     outcomes: Sequence[Outcome] | None = None
     while True:
@@ -29,6 +39,17 @@ def finish(plan: Plan[T], run_all: RunAll) -> T:
             result: T = end.value
             return result
         outcomes = run_all(wanted)
+
+
+def at_once(plan: Plan[T]) -> T | None:
+    """Return the result of a plan that needs no bed; None of one that does, which is given up."""
+    try:
+        next(plan)
+    except StopIteration as end:
+        result: T = end.value
+        return result
+    plan.close()
+    return None
 
 
 def together(plans: Sequence[Plan[T]]) -> Plan[list[T]]:

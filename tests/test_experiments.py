@@ -280,7 +280,7 @@ def test_contacts_that_are_too_soft_are_stiffened_and_that_is_said(pebbles: Stor
     assert rested_on == {0.0005}  # none of the softer beds that passed
     assert {json.loads(row.protocol)["nominal_overlap"] for row in rows} == {0.0005}
     limit = 0.0001
-    failed = predict(pebbles, soft)
+    failed = predict(pebbles, soft, way=Way(seeds=5))  # what is kept has four
     assert all(isinstance(report.error, TooSoft) for report in failed)
     assert min(asked) == 0.00025
 

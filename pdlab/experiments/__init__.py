@@ -6,19 +6,21 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
 from pdlab.experiments.calibrations import CalibrationReport, calibrate
 from pdlab.experiments.comparing import Compared, MethodErrors, compare
+from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
-from pdlab.experiments.curves import RunAll
 from pdlab.experiments.descent import Facts, show
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
-from pdlab.experiments.predictions import PredictionReport, comparisons, predict
+from pdlab.experiments.predictions import predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register
+from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.ways import METHODS, Way
+from pdlab.plan import RunAll
 
 __all__ = [
     "CHOICES",

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 from pdlab import grading, store
 from pdlab.errors import InputError
-from pdlab.experiments.curves import RunAll
-from pdlab.experiments.predictions import PredictionReport, predict
+from pdlab.experiments.predictions import predict
 from pdlab.experiments.readings import sieve_table
 from pdlab.experiments.references import REFERENCES
+from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.ways import Way
+from pdlab.plan import RunAll
 from pdlab.specimen import PAIR_FRICTIONS
 from pdlab.store import Store
 

@@ -6,19 +6,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from sqlalchemy.orm import Session
+
 from pdlab import calibration, store
 from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING, Curve, Ladder, Met
 from pdlab.density import MeasuredPacking
 from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
-from pdlab.experiments.curves import Curves, RunAll
+from pdlab.experiments.curves import Curves
 from pdlab.experiments.opening import Open, open_calibration
 from pdlab.experiments.readings import measured_test, particle_density, protocol_of_text
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.ways import AUTO, METHODS, OTHERS, Way
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Aggregate, Calibration, CalibrationRun, now
+from pdlab.plan import Plan, RunAll, finish
 from pdlab.specimen import LOOSE, Packing, Protocol, Sizes
-from pdlab.store import Store
+from pdlab.store import Claim, Store
+
+ANSWER = (
+    "sieve_analysis_id", "packing_test_id", "method", "protocol", "engine_version", "diameter_rule", "diameter_mm",
+    "spheres", "leave_out_below_mm", "measured_packing_density", "measured_angle_deg", "wall_friction", "friction",
+    "friction_low", "friction_high", "rolling_friction", "rolling_friction_low", "rolling_friction_high",
+    "packing_density", "input_error", "curve_error", "warnings", "state", "message",
+)  # fmt: skip
+"""The columns of a calibration that say what it was worked out from and what came out."""
 
 
 @dataclass(frozen=True)
@@ -73,43 +84,50 @@ def calibrate(
         rows = store.aggregates(session, names)
     if not rows:
         raise InputError("the store holds no aggregate yet; import some, or run 'pdlab demo'")
-    return calibrate_rows(target, run_all, rows, way or Way())
+    return finish(calibrating(target, rows, way or Way(), run_all.engine_version), run_all)
 
 
-def calibrate_rows(target: Store, run_all: RunAll, rows: Sequence[Aggregate], way: Way) -> list[CalibrationReport]:
-    """Calibrate aggregates as ``calibrate`` does, each in the delivery that is handed in."""
+def calibrating(
+    target: Store, rows: Sequence[Aggregate], way: Way, engine_version: int, claim: Claim | None = None
+) -> Plan[list[CalibrationReport]]:
+    """Calibrate aggregates as ``calibrate`` does, each in the delivery that is handed in.
+
+    ``claim``: the wish of one aggregate, in whose row the result is written. Raises ClaimLost.
+    """
     reports, waiting = dict[int, CalibrationReport](), dict[int, Open]()
-    curves = Curves(target, run_all)
+    curves = Curves(target, engine_version)
     for row in rows:
         try:
             waiting[row.id] = open_calibration(row, way)
         except PdlabError as error:
             reports[row.id] = CalibrationReport(row.name, row.id, error=error)
     if way.method == AUTO:
-        _choose(target, list(waiting.values()), curves)
+        yield from _choose(target, list(waiting.values()), curves)
     else:
-        _work_out(target, list(waiting.values()), curves)
+        yield from _work_out(target, list(waiting.values()), curves)
     for one in waiting.values():
-        if isinstance(one.error, OutOfReach):
-            one.error = _elsewhere(one.error) if one.method == REPOSE else _with_reaches(one, one.error, curves)
-    reports |= dict(zip(waiting, _save(target, list(waiting.values()), curves), strict=True))
+        if isinstance(one.error, OutOfReach) and one.method == REPOSE:
+            one.error = _elsewhere(one.error)
+        elif isinstance(one.error, OutOfReach):
+            one.error = yield from _with_reaches(one, one.error, curves)
+    reports |= dict(zip(waiting, _save(target, list(waiting.values()), curves, claim), strict=True))
     return [reports[row.id] for row in rows]
 
 
-def _choose(target: Store, waiting: list[Open], curves: Curves) -> None:
+def _choose(target: Store, waiting: list[Open], curves: Curves) -> Plan[None]:
     """Take for each aggregate the first method that reaches its density: monosized, then rolling, then graded."""
     for one in waiting:
         one.method = MONOSIZED
-    _work_out(target, waiting, curves)
+    yield from _work_out(target, waiting, curves)
     for method, looser in ((ROLLING, True), (GRADED, False)):
         further = [one for one in waiting if isinstance(one.error, OutOfReach) and one.error.looser == looser]
         for one in further:
             one.choice = f"'{method}' is taken, since {one.error}"
             one.method, one.error = method, None
-        _work_out(target, further, curves)
+        yield from _work_out(target, further, curves)
 
 
-def _work_out(target: Store, waiting: list[Open], curves: Curves) -> None:
+def _work_out(target: Store, waiting: list[Open], curves: Curves) -> Plan[None]:
     """Find each one's coefficient: the one kept in the store, else by its curve."""
     _find_kept(target, waiting, curves.engine_version)
     fresh = [one for one in waiting if one.kept is None]
@@ -120,7 +138,7 @@ def _work_out(target: Store, waiting: list[Open], curves: Curves) -> None:
             one.error = _too_large(one, error)
         except PdlabError as error:
             one.error = error
-    _fill_curves(fresh, curves)
+    yield from _fill_curves(fresh, curves)
     met = list[tuple[Open, Curve, Met]]()
     for one in fresh:
         known = None if one.error else curves.known(one.ladder())
@@ -132,10 +150,10 @@ def _work_out(target: Store, waiting: list[Open], curves: Curves) -> None:
                     met.append((one, known, calibration.meet(one.measured, known, one.method)))
             except OutOfReach as error:
                 one.error = error
-    _pack(met, curves)
+    yield from _pack(met)
 
 
-def _pack(met: Sequence[tuple[Open, Curve, Met]], curves: Curves) -> None:
+def _pack(met: Sequence[tuple[Open, Curve, Met]]) -> Plan[None]:
     """Run beds of spheres whose friction was found by their angle, and of those beside it: their packing density."""
     wanted = [
         (one, friction, bed)
@@ -143,7 +161,7 @@ def _pack(met: Sequence[tuple[Open, Curve, Met]], curves: Curves) -> None:
         for friction in dict.fromkeys((found.value, *calibration.beside(found, one.measured, known)))
         for bed in calibration.equal_beds(friction, one.protocol, one.way.seeds)
     ]
-    outcomes = curves.run([bed for _, _, bed in wanted]) if wanted else ()
+    outcomes = (yield [bed for _, _, bed in wanted]) if wanted else ()
     for (one, friction, _), outcome in zip(wanted, outcomes, strict=True):
         if isinstance(outcome, Packing):
             one.beds.setdefault(friction, []).append(outcome)
@@ -175,9 +193,12 @@ def _find_kept(target: Store, waiting: list[Open], engine_version: int) -> None:
     """Take what the store holds of calibrations worked out from the same facts by the same engine."""
     usual = [one for one in waiting if one.way.seeds <= calibration.SEEDS]
     with target.read() as session:
-        rows = store.done_calibrations(session, [one.aggregate.id for one in usual], engine_version)
+        ids = [one.aggregate.id for one in usual]
+        rows = store.done_calibrations(session, ids, engine_version)
+        newest = store.newest_calibrations(session, ids)
     for one in usual:
         one.kept = next((row for row in rows if one.is_kept_by(row)), None)
+        one.settled = one.kept is not None and (bool(one.way.variant) or one.kept.id in newest)
 
 
 def _missing(one: Open, curves: Curves) -> dict[float, int]:
@@ -185,7 +206,7 @@ def _missing(one: Open, curves: Curves) -> dict[float, int]:
     return calibration.missing_nodes(one.measured, curves.known(one.ladder()), one.way.seeds)
 
 
-def _fill_curves(waiting: list[Open], curves: Curves) -> None:
+def _fill_curves(waiting: list[Open], curves: Curves) -> Plan[None]:
     """Run nodes, round by round, until every aggregate's PD, or angle, is enclosed or out of reach."""
     while True:
         asked = [
@@ -196,16 +217,16 @@ def _fill_curves(waiting: list[Open], curves: Curves) -> None:
         wanted = dict[tuple[Ladder, float], int]()
         for one, node, seeds in asked:
             wanted[one.ladder(), node] = max(seeds, wanted.get((one.ladder(), node), 0))
-        curves.extend(wanted)
+        yield from curves.extend(wanted)
         for one, node, _ in asked:
             one.error = one.error or curves.errors.get((one.ladder(), node))
 
 
-def _with_reaches(one: Open, error: OutOfReach, curves: Curves) -> OutOfReach:
+def _with_reaches(one: Open, error: OutOfReach, curves: Curves) -> Plan[OutOfReach]:
     """Return the error with the interval of every method, whose ends are simulated for it, and what to do."""
     ladders = [one.ladder(method) for method in (MONOSIZED, ROLLING)]
     curves.load(ladders)
-    curves.extend({(ladder, calibration.NODES[end]): one.way.seeds for ladder in ladders for end in (0, -1)})
+    yield from curves.extend({(ladder, calibration.NODES[end]): one.way.seeds for ladder in ladders for end in (0, -1)})
     reaches = {ladder.method: curves.reach(ladder) for ladder in ladders}
     if one.method == GRADED:
         reaches[GRADED] = curves.reach(one.ladder())
@@ -263,24 +284,55 @@ def _row_facts(one: Open, curves: Curves) -> dict[str, Any]:
     }
 
 
-def _save(target: Store, ready: list[Open], curves: Curves) -> list[CalibrationReport]:
+def _save(target: Store, ready: list[Open], curves: Curves, claim: Claim | None = None) -> list[CalibrationReport]:
     """Write calibrations, or why there are none; of an equal one on the same runs only the time is renewed."""
+    settled = [one.kept for one in ready if one.kept is not None and one.settled and claim is None]
+    if len(settled) == len(ready):
+        pairs = zip(ready, settled, strict=True)
+        return [replace(calibration_report(one.aggregate, row), choice=one.choice) for one, row in pairs]
     out = []
     with target.write() as session:
         for one in ready:
-            row = None if one.kept is None else store.find_row(session, Calibration, one.kept.id)
+            row = _kept(session, one, curves.engine_version)
+            facts = _row_facts(one, curves) if row is None else {}
+            digests = {packing.digest for packing in (*curves.evidence(one.ladder()), *one.runs)} if facts else set()
             if row is None:
-                facts = _row_facts(one, curves)
-                digests = {packing.digest for packing in (*curves.evidence(one.ladder()), *one.runs)}
                 row = next(iter(store.equal_results(session, Calibration, facts, digests)), None)
-            if row is None:
-                evidence = [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
-                row = Calibration(progress=1.0, finished_at=now(), runs=evidence, **facts)
+            if claim is not None:
+                row = _answered(store.claimed(session, Calibration, claim), row, facts, digests)
+            elif row is None:
+                row = Calibration(**facts, runs=_links(digests))
                 store.add_all(session, [row])
+            row.progress, row.finished_at = 1.0, row.finished_at or now()
             row.requested_at = now()
             report = calibration_report(one.aggregate, row)
             out.append(replace(report, choice=one.choice, error=one.error))
     return out
+
+
+def _kept(session: Session, one: Open, engine_version: int) -> Calibration | None:
+    """Return the calibration that stands in the store for the same facts, also one that came there meanwhile."""
+    if one.kept is not None:
+        return store.find_row(session, Calibration, one.kept.id)
+    if one.error is not None or one.way.seeds > calibration.SEEDS:
+        return None
+    rows = store.done_calibrations(session, [one.aggregate.id], engine_version)
+    return next((row for row in rows if one.is_kept_by(row)), None)
+
+
+def _answered(wish: Calibration, equal: Calibration | None, facts: dict[str, Any], digests: set[str]) -> Calibration:
+    """Write the result into the row of the wish, as it stands in an equal row if there is one."""
+    if equal is not None and equal is not wish:
+        facts = {name: getattr(equal, name) for name in ANSWER}
+        digests = {link.specimen_hash for link in equal.runs}
+    for name, value in facts.items():
+        setattr(wish, name, value)
+    wish.runs = _links(digests)
+    return wish
+
+
+def _links(digests: set[str]) -> list[CalibrationRun]:
+    return [CalibrationRun(specimen_hash=digest) for digest in sorted(digests)]
 
 
 def _result(row: Calibration) -> calibration.Calibrated:

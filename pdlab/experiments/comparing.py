@@ -10,9 +10,10 @@ from pdlab import comparison, store, theory
 from pdlab.calibration import REPOSE
 from pdlab.comparison import CONFIDENCE, SEED, Errors, Figure, LeftOut
 from pdlab.errors import InputError, ProtocolError, TooFewData
-from pdlab.experiments.predictions import PredictionReport, comparisons
+from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.readings import measured_mixture
 from pdlab.experiments.references import REFERENCES
+from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.theories import MODELS, VOLUME_MEAN, Recipe, components_of, evaluate, recipes
 from pdlab.grading import DEFAULT_RULE
 from pdlab.store import Store

@@ -1,42 +1,29 @@
 """The curves of packing density, or angle, over friction that the store holds, and how calibrations grow them."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Protocol as Interface
+from collections.abc import Iterable, Mapping
 
 from pdlab import calibration, store
 from pdlab.calibration import NODES, Curve, Ladder
 from pdlab.errors import EngineError
 from pdlab.experiments.readings import packing_of
-from pdlab.specimen import Packing, Specimen
+from pdlab.plan import Plan
+from pdlab.specimen import Packing
 from pdlab.store import Store
 
 MOST_SEEDS = 16
 """Beds at a node that are looked for in the store."""
 
 
-class RunAll(Interface):
-    """Runs specimens by its engine, or reads those already run; returns in the same order what each gave."""
-
-    @property
-    def engine_version(self) -> int:
-        """The version of the engine whose runs it gives."""
-
-    def __call__(self, specimens: Sequence[Specimen], /) -> Sequence[Packing | EngineError]:
-        """Return what the specimens gave."""
-
-
 class Curves:
-    """Curves by ladder: what the store holds of them, and what is run since; ``errors``: of nodes that failed."""
+    """Curves by ladder: what the store holds of them, and what is run since; ``errors``: of nodes that failed.
 
-    def __init__(self, target: Store, run_all: RunAll) -> None:
-        self._target, self._run_all = target, run_all
+    ``engine_version``: of the engine whose runs they hold.
+    """
+
+    def __init__(self, target: Store, engine_version: int) -> None:
+        self._target, self.engine_version = target, engine_version
         self._nodes = dict[Ladder, dict[float, list[Packing]]]()
         self.errors = dict[tuple[Ladder, float], EngineError]()
-
-    @property
-    def engine_version(self) -> int:
-        """The version of the engine whose runs they hold."""
-        return self._run_all.engine_version
 
     def load(self, ladders: Iterable[Ladder]) -> None:
         """Read what the store holds of ladders, all in one query."""
@@ -64,10 +51,10 @@ class Curves:
         nodes = [] if known is None else [point.value for point in known.points]
         return [packing for node in nodes for packing in self._nodes[ladder][node]]
 
-    def extend(self, wanted: Mapping[tuple[Ladder, float], int]) -> None:
-        """Run so many beds at nodes; what fails stands in ``errors``."""
+    def extend(self, wanted: Mapping[tuple[Ladder, float], int]) -> Plan[None]:
+        """Ask for so many beds at nodes; what fails stands in ``errors``."""
         beds = {(ladder, node): ladder.beds(node, seeds) for (ladder, node), seeds in wanted.items()}
-        outcomes = iter(self._run_all([bed for several in beds.values() for bed in several]))
+        outcomes = iter((yield [bed for several in beds.values() for bed in several]))
         for (ladder, node), several in beds.items():
             found = [next(outcomes) for _ in several]
             known = {packing.digest: packing for packing in self._nodes[ladder].get(node, [])}
@@ -76,7 +63,3 @@ class Curves:
             failed = next((outcome for outcome in found if isinstance(outcome, EngineError)), None)
             if failed is not None:
                 self.errors[ladder, node] = failed
-
-    def run(self, specimens: Sequence[Specimen]) -> Sequence[Packing | EngineError]:
-        """Return what specimens gave that are on no curve."""
-        return self._run_all(specimens)

@@ -31,6 +31,7 @@ class Open:
     ``method``: the one that is tried, of ``auto`` one after the other. ``tested``: what its row says of the test
     that it is calibrated to. ``curve_protocol``: of the beds along its curve; ``protocol``: of those whose packing
     density the calibration gives, and of mixtures. ``beds``: by friction, those of spheres with the measured angle.
+    ``kept``: the stored calibration to the same facts; ``settled``: and that is the one last asked for.
     """
 
     aggregate: Aggregate
@@ -47,6 +48,7 @@ class Open:
     result: Calibrated | None = None
     error: PdlabError | None = None
     kept: Calibration | None = None
+    settled: bool = False
 
     def __post_init__(self) -> None:
         self.diameter = grading.equivalent_diameter(self.grading, self.way.rule)

@@ -1,67 +1,29 @@
-"""Predict mixtures from calibrated aggregates, and set predictions beside measurements."""
+"""Predict mixtures from calibrated aggregates; what is kept of the same calibrations and beds is read."""
 
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from pdlab import grading, mixture, store
-from pdlab.calibration import METHOD
+from pdlab import mixture, store
 from pdlab.errors import InputError, PdlabError, ProtocolError, TooSoft
 from pdlab.experiments import references
-from pdlab.experiments.calibrations import CalibrationReport, calibrate_rows, calibration_report
-from pdlab.experiments.curves import RunAll
-from pdlab.experiments.readings import is_stale, measured_mixture, older_engine, protocol_text
+from pdlab.experiments.calibrations import CalibrationReport, calibrating
+from pdlab.experiments.readings import protocol_text
 from pdlab.experiments.references import ORDERED, REFERENCES
-from pdlab.experiments.theories import Theoretical, components_of, evaluate, recipes
+from pdlab.experiments.reports import PredictionReport, reports_of, with_theory
+from pdlab.experiments.theories import components_of, evaluate, recipes
 from pdlab.experiments.ways import Way
-from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Aggregate, Mixture, Prediction, PredictionCalibration, PredictionRun, now
-from pdlab.specimen import Packing, Protocol, Specimen
-from pdlab.store import Store
+from pdlab.plan import Plan, RunAll, at_once, finish, together
+from pdlab.specimen import Packing, Protocol
+from pdlab.store import Claim, Store
 
-
-@dataclass(frozen=True)
-class PredictionReport:
-    """A mixture's prediction beside its measurement, or the error that stands in its place.
-
-    ``furnas``, ``toufar``, ``cpm``: what theory makes of the current tests, and why not in ``theory_message``.
-    """
-
-    mixture: str
-    method: str = METHOD
-    rule: str = ""
-    leave_out: float | None = None
-    packing_density: float | None = None
-    standard_error: float | None = None
-    input_error: float | None = None
-    expected_error: float | None = None
-    measured: float | None = None
-    measured_error: float | None = None
-    volume_mean: float | None = None
-    furnas: float | None = None
-    toufar: float | None = None
-    cpm: float | None = None
-    theory_message: str = ""
-    seeds: int | None = None
-    state: str = "done"
-    notes: tuple[str, ...] = ()
-    prediction_id: int | None = None
-    engine_version: int | None = None
-    error: PdlabError | None = None
-
-    @property
-    def message(self) -> str:
-        """What there is to say of it: why there is none, its warnings, what changed since."""
-        return "; ".join(self.notes)
-
-    @property
-    def difference(self) -> float | None:
-        """Predicted minus measured packing density."""
-        if self.packing_density is None or self.measured is None:
-            return None
-        return self.packing_density - self.measured
+ANSWER = (
+    "protocol", "engine_version", "packing_density", "standard_error", "input_error", "warnings", "state", "message",
+)  # fmt: skip
+"""The columns of a prediction that say how it was worked out and what came out."""
 
 
 @dataclass
@@ -75,6 +37,7 @@ class _Blend:
     done: list[Packing] = field(default_factory=list)
     error: PdlabError | None = None
     stiffer: float = 1.0
+    kept: Prediction | None = None
 
 
 def predict(
@@ -90,28 +53,113 @@ def predict(
         rows = store.mixtures(session, names)
     if not rows:
         raise InputError("the store holds no mixture yet; import some, or run 'pdlab demo'")
+    return finish(predicting(target, rows, way, run_all.engine_version), run_all)
+
+
+def predicting(
+    target: Store, rows: Sequence[Mixture], way: Way, engine_version: int, claim: Claim | None = None
+) -> Plan[list[PredictionReport]]:
+    """Predict mixtures as ``predict`` does; what is kept of the same calibrations and beds is read.
+
+    ``claim``: the wish of one mixture, in whose row the result is written. Raises ClaimLost.
+    """
     with target.read() as session:
         parts = store.aggregates_by_id(session, components_of(rows))
     if way.method in REFERENCES:
         blends = [_open_reference(row, {one.id: one for one in parts}, way) for row in rows]
     else:
-        known = {report.aggregate_id: report for report in calibrate_rows(target, run_all, parts, way)}
-        blends = [_open_blend(row, known) for row in rows]
+        reports = yield from calibrating(target, parts, way, engine_version)
+        known = {report.aggregate_id: report for report in reports}
+        blends = [open_blend(row, known) for row in rows]
+    _find_kept(target, blends, way, engine_version)
     if way.method != ORDERED:
-        _run_blends(blends, run_all, way.seeds)
-    saved = [_save_prediction(target, blend, way) for blend in blends]
-    fresh = _reports(target, saved)
-    reports = [
-        fresh[key]
-        if blend.error is None
-        else PredictionReport(blend.row.name, way.method, state="failed", notes=(str(blend.error),), error=blend.error)
-        for key, blend in zip(saved, blends, strict=True)
-    ]
+        yield from together([_running(blend, way.seeds) for blend in blends if blend.kept is None])
+    saved = [_save(target, blend, way, claim) for blend in blends]
+    fresh = reports_of(target, saved)
     beside = evaluate(recipes(rows, parts, way.rule))
-    return [_with_theory(report, one) for report, one in zip(reports, beside, strict=True)]
+    return [
+        with_theory(_or_failed(fresh[key], blend, way), one)
+        for key, blend, one in zip(saved, blends, beside, strict=True)
+    ]
 
 
-def _open_blend(row: Mixture, known: dict[int, CalibrationReport]) -> _Blend:
+def _or_failed(report: PredictionReport, blend: _Blend, way: Way) -> PredictionReport:
+    """Return the report, or where there is no prediction its error."""
+    if blend.error is None:
+        return report
+    return PredictionReport(
+        blend.row.name, way.method, state="failed", notes=(str(blend.error),), prediction_id=report.prediction_id,
+        error=blend.error,
+    )  # fmt: skip
+
+
+def answered(target: Store, rows: Sequence[Mixture], way: Way, engine_version: int) -> dict[int, PredictionReport]:
+    """Return, by the mixture's id, the predictions that the store holds already, by the way asked for."""
+    with target.read() as session:
+        parts = store.aggregates_by_id(session, components_of(rows))
+    if way.method in REFERENCES:
+        blends = [_open_reference(row, {one.id: one for one in parts}, way) for row in rows]
+    else:
+        known = dict[int, CalibrationReport]()
+        for part in parts:
+            for report in at_once(calibrating(target, [part], way, engine_version)) or ():
+                known[report.aggregate_id] = report
+        able = [row for row in rows if all(part.aggregate_id in known for part in row.components)]
+        blends = [open_blend(row, known) for row in able]
+    _find_kept(target, blends, way, engine_version)
+    kept = [blend for blend in blends if blend.kept is not None]
+    keys = [blend.kept.id for blend in kept if blend.kept is not None]
+    _renew(target, keys)
+    found, beside = reports_of(target, keys), evaluate(recipes([blend.row for blend in kept], parts, way.rule))
+    return {
+        blend.row.id: with_theory(found[key], theory) for blend, key, theory in zip(kept, keys, beside, strict=True)
+    }
+
+
+def _renew(target: Store, keys: Sequence[int]) -> None:
+    """Make predictions that are asked for again the newest of their mixtures and methods, where they are not."""
+    with target.read() as session:
+        older = store.not_newest(session, keys)
+    if older:
+        with target.write() as session:
+            for key in older:
+                row = store.find_row(session, Prediction, key)
+                if row is not None:
+                    row.requested_at = now()
+
+
+def _find_kept(target: Store, blends: Sequence[_Blend], way: Way, engine_version: int) -> None:
+    """Take what the store holds of predictions that rest on the same calibrations and on the beds asked for first."""
+    with target.read() as session:
+        rows = store.done_predictions(session, [one.row.id for one in blends], way.method, way.variant, engine_version)
+    for blend in blends:
+        if blend.error is None:
+            blend.kept = next((row for row in rows.get(blend.row.id, ()) if _is_kept_by(blend, row, way)), None)
+
+
+def _is_kept_by(blend: _Blend, row: Prediction, way: Way) -> bool:
+    if len(row.runs) < way.seeds or {link.calibration_id for link in row.calibrations} != set(blend.calibration_ids):
+        return False
+    if way.method in REFERENCES:
+        same = references.made_by(way.method, way.rule, blend.parts) == row.protocol
+        if way.method == ORDERED or not same:
+            return same
+    try:
+        bed = mixture.next_specimens(blend.parts, [], stiffer=stiffer_than(blend.parts, row.protocol))[0]
+    except PdlabError:
+        return False
+    return bed.digest(row.engine_version or 0) in {link.specimen_hash for link in row.runs}
+
+
+def stiffer_than(parts: Sequence[mixture.Part], protocol: str) -> float:
+    """Return how many times as stiff as in the calibrations the contacts of a kept protocol are."""
+    overlap: float = json.loads(protocol).get("nominal_overlap", math.nan)
+    usual = mixture.common_protocol(parts).nominal_overlap
+    return 1.0 if math.isnan(overlap) else usual / overlap
+
+
+def open_blend(row: Mixture, known: Mapping[int, CalibrationReport]) -> _Blend:
+    """Return a mixture on its way to a prediction, from the calibrations of its aggregates by id."""
     parts, ids, notes = [], [], []
     total = math.fsum(component.solid_volume_share for component in row.components)  # 1 but for rounding
     for component in row.components:
@@ -156,28 +204,23 @@ def _part(report: CalibrationReport, share: float) -> mixture.Part:
     )
 
 
-def _run_blends(blends: list[_Blend], run_all: RunAll, seeds: int) -> None:
-    """Run all mixtures' beds round by round, more seeds where the error asks for them."""
-    while True:
-        wanted: list[tuple[_Blend, Specimen]] = []
-        for blend in blends:
-            try:
-                if blend.error is None:
-                    beds = mixture.next_specimens(blend.parts, blend.done, seeds, stiffer=blend.stiffer)
-                    wanted += [(blend, bed) for bed in beds]
-            except PdlabError as error:
-                blend.error = error
-        if not wanted:
+def _running(blend: _Blend, seeds: int) -> Plan[None]:
+    """Run a mixture's beds, more seeds where the error asks for them, stiffer ones where they are too soft."""
+    while blend.error is None:
+        try:
+            beds = mixture.next_specimens(blend.parts, blend.done, seeds, stiffer=blend.stiffer)
+        except PdlabError as error:
+            blend.error = error
             return
-        outcomes = run_all([bed for _, bed in wanted])
-        for (blend, _), outcome in zip(wanted, outcomes, strict=True):
+        if not beds:
+            return
+        for outcome in (yield beds):
             if isinstance(outcome, Packing):
                 blend.done.append(outcome)
             elif blend.error is None or isinstance(blend.error, TooSoft):
                 blend.error = outcome
-        for blend in blends:
-            if isinstance(blend.error, TooSoft) and blend.stiffer < mixture.STIFFEST:
-                blend.stiffer, blend.done, blend.error = blend.stiffer * mixture.STIFFER, [], None
+        if isinstance(blend.error, TooSoft) and blend.stiffer < mixture.STIFFEST:
+            blend.stiffer, blend.done, blend.error = blend.stiffer * mixture.STIFFER, [], None
 
 
 def _facts_of(blend: _Blend, method: str) -> dict[str, Any]:
@@ -205,193 +248,52 @@ def _protocol_of(blend: _Blend) -> Protocol:
         return blend.parts[0].protocol
 
 
-def _save_prediction(target: Store, blend: _Blend, way: Way) -> int:
+def _save(target: Store, blend: _Blend, way: Way, claim: Claim | None) -> int:
     """Write a prediction, or why there is none; of an equal one on the same runs only the time is renewed."""
     digests, sources = {packing.digest for packing in blend.done}, set(blend.calibration_ids)
+    with target.write() as session:
+        row = None if blend.kept is None else store.find_row(session, Prediction, blend.kept.id)
+        facts = _row_facts(blend, way) if row is None else {}
+        if row is None:
+            old = store.equal_results(session, Prediction, facts, digests)
+            row = next((row for row in old if {link.calibration_id for link in row.calibrations} == sources), None)
+        if claim is not None:
+            row = _answered(store.claimed(session, Prediction, claim), row, facts, digests, sources)
+        elif row is None:
+            row = _linked(Prediction(**facts), digests, sources)
+            store.add_all(session, [row])
+        row.progress, row.finished_at = 1.0, row.finished_at or now()
+        row.requested_at = now()
+        session.flush()
+        return row.id
+
+
+def _row_facts(blend: _Blend, way: Way) -> dict[str, Any]:
+    """Return a prediction's row but for what it rests on: what was asked and what came out."""
     protocol = protocol_text(mixture.stiffened(_protocol_of(blend), blend.stiffer))
-    facts: dict[str, Any] = _facts_of(blend, way.method) | {
+    return _facts_of(blend, way.method) | {
         "mixture_id": blend.row.id,
         "method": way.method,
         "variant": way.variant,
         "protocol": references.made_by(way.method, way.rule, blend.parts) if way.method in REFERENCES else protocol,
         "engine_version": blend.done[0].engine_version if blend.done else None,
     }
-    with target.write() as session:
-        old = store.equal_results(session, Prediction, facts, digests)
-        row = next((row for row in old if {link.calibration_id for link in row.calibrations} == sources), None)
-        if row is None:
-            row = Prediction(
-                progress=1.0,
-                finished_at=now(),
-                runs=[PredictionRun(specimen_hash=digest) for digest in sorted(digests)],
-                calibrations=[PredictionCalibration(calibration_id=source) for source in sorted(sources)],
-                **facts,
-            )
-            store.add_all(session, [row])
-        row.requested_at = now()
-        return row.id
 
 
-def _reports(target: Store, ids: Sequence[int]) -> dict[int, PredictionReport]:
-    """Return the reports of predictions that are new, by id."""
-    with target.read() as session:
-        rows = store.predictions_by_id(session, ids)
-        spread = store.differences(session)
-    return {
-        row.id: _with_expected_error(_comparison(row, []), *spread.get((row.method, row.engine_version), (0, 0.0)))
-        for row in rows
-    }
+def _answered(
+    wish: Prediction, equal: Prediction | None, facts: dict[str, Any], digests: set[str], sources: set[int]
+) -> Prediction:
+    """Write the result into the row of the wish, as it stands in an equal row if there is one."""
+    if equal is not None and equal is not wish:
+        facts = {name: getattr(equal, name) for name in ANSWER}
+        digests = {link.specimen_hash for link in equal.runs}
+    for name, value in facts.items():
+        setattr(wish, name, value)
+    return _linked(wish, digests, sources)
 
 
-def comparisons(
-    target: Store, engine_version: int | None = None, names: Sequence[str] = (), newest: int | None = None
-) -> list[PredictionReport]:
-    """Return each mixture's last prediction by each method beside its current measurement, oldest mixture first.
-
-    All mixtures, the named, or so many of the ``newest``; variants are left out. A mixture without a prediction
-    has the state ``open``; ``outdated`` is a prediction of other proportions, tests or sieves than the store's, or
-    of an older engine than ``engine_version``, by default the newest there. Raises UnknownName.
-    """
-    with target.read() as session:
-        rows = store.mixtures(session, names, newest)
-        newest_engine = engine_version or store.newest_engine(session)
-        found = store.newest_predictions(session, [row.id for row in rows])
-        spread = store.differences(session)
-        parts = store.aggregates_by_id(session, components_of(rows))
-    predicted = [one for several in found.values() for one in several]
-    fits = {link.calibration_id: link.calibration for one in predicted for link in one.calibrations}
-    stale = {key for key, fit in fits.items() if is_stale(fit)}
-    known = {one.id: one for one in parts}
-    reports = [
-        report
-        for row in rows
-        for report in [_comparison(one, _outdated(one, stale, known, newest_engine)) for one in found.get(row.id, [])]
-        or [_open_comparison(row)]
-    ]
-    beside = {rule: _by_mixture(rows, parts, rule) for rule in {_one_rule(report) for report in reports}}
-    return [
-        _with_theory(
-            _with_expected_error(report, *spread.get((report.method, report.engine_version), (0, 0.0))),
-            beside[_one_rule(report)][report.mixture],
-        )
-        for report in reports
-    ]
-
-
-def _by_mixture(rows: Sequence[Mixture], parts: Sequence[Aggregate], rule: str) -> dict[str, Theoretical]:
-    """Return what theory makes of mixtures, by name."""
-    return {one.mixture: one for one in evaluate(recipes(rows, parts, rule))}
-
-
-def _one_rule(report: PredictionReport) -> str:
-    """Return the diameter rule of a report, the default where there is none or several."""
-    return report.rule if report.rule in grading.RULES else DEFAULT_RULE
-
-
-def _with_theory(report: PredictionReport, beside: Theoretical) -> PredictionReport:
-    """Set a mixture's packing densities by theory beside its prediction, and say which are missing and why."""
-    said = dict[str, list[str]]()
-    for name, error in beside.errors.items():
-        said.setdefault(str(error), []).append(name)
-    text = "; ".join(f"no {', '.join(names)}: {error}" for error, names in said.items())
-    values = beside.values
-    return replace(
-        report, furnas=values.get("furnas"), toufar=values.get("toufar"), cpm=values.get("cpm"), theory_message=text
-    )
-
-
-def _open_comparison(row: Mixture) -> PredictionReport:
-    measured = measured_mixture(row)
-    return PredictionReport(
-        mixture=row.name,
-        measured=measured.packing_density if measured else None,
-        measured_error=measured.standard_error if measured else None,
-        state="open",
-        notes=("not predicted yet: run 'pdlab predict'",),
-    )
-
-
-def _comparison(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
-    measured = measured_mixture(row.mixture)
-    notes = [row.message or "", *(row.warnings or "").splitlines(), *outdated]
-    rules = {link.calibration.diameter_rule for link in row.calibrations}
-    return PredictionReport(
-        mixture=row.mixture.name,
-        method=row.method,
-        rule=references.rule_of(row) if row.method in REFERENCES else ", ".join(sorted(rules)),
-        leave_out=max((link.calibration.leave_out_below_mm or 0.0 for link in row.calibrations), default=0.0) or None,
-        packing_density=row.packing_density,
-        standard_error=row.standard_error,
-        input_error=row.input_error,
-        measured=measured.packing_density if measured else None,
-        measured_error=measured.standard_error if measured else None,
-        volume_mean=_volume_mean(row) if row.state == "done" else None,
-        seeds=len(row.runs),
-        state="outdated" if outdated and row.state == "done" else row.state,
-        notes=tuple(note for note in notes if note),
-        prediction_id=row.id,
-        engine_version=row.engine_version,
-    )
-
-
-def _outdated(
-    row: Prediction, stale: Collection[int], aggregates: Mapping[int, Aggregate], newest_engine: int | None
-) -> list[str]:
-    """Return why a prediction is not what the store would give now, and what to do; empty where it is.
-
-    ``stale``: the ids of calibrations that are not; ``aggregates``: by id, with their sieve analyses.
-    """
-    out = []
-    names = [link.calibration.aggregate.name for link in row.calibrations if link.calibration_id in stale]
-    older = older_engine(row.engine_version, newest_engine)
-    if names:
-        out.append(f"{', '.join(names)}: tested or sieved anew since, or corrected; run 'pdlab predict' again")
-    if older:
-        out.append(older)
-    # an older engine's beds, or those of other diameters, say nothing of the proportions
-    if out or row.state != "done":
-        return out
-    if row.method in REFERENCES:
-        if not references.is_current(row, aggregates):
-            out.append("the mixture's sieves or shares are others since; run 'pdlab predict' again")
-    elif not _rests_on_these_proportions(row):
-        out.append("the mixture was corrected since; run 'pdlab predict' again")
-    return out
-
-
-def _rests_on_these_proportions(row: Prediction) -> bool:
-    """Return whether the bed that the mixture's shares ask for now is among the prediction's runs."""
-    fits = [link.calibration for link in row.calibrations]
-    known = {fit.aggregate_id: calibration_report(fit.aggregate, fit) for fit in fits}
-    if known.keys() != {part.aggregate_id for part in row.mixture.components}:
-        return False
-    parts = _open_blend(row.mixture, known).parts
-    try:
-        stiffer = mixture.common_protocol(parts).nominal_overlap / json.loads(row.protocol)["nominal_overlap"]
-        bed = mixture.next_specimens(parts, [], stiffer=stiffer)[0]
-    except PdlabError:  # what the rows say now cannot be simulated at all
-        return False
-    return bed.digest(row.engine_version or 0) in {run.specimen_hash for run in row.runs}
-
-
-def _volume_mean(row: Prediction) -> float | None:
-    """Return Σ y_i PD_i [-], the mixture's PD if no part filled another's voids; None where one is unknown."""
-    alone = {link.calibration.aggregate_id: link.calibration.measured_packing_density for link in row.calibrations}
-    parts = [(part.solid_volume_share, alone.get(part.aggregate_id)) for part in row.mixture.components]
-    if any(value is None for _, value in parts):
-        return None
-    return math.fsum(share * (value or 0.0) for share, value in parts) / math.fsum(share for share, _ in parts)
-
-
-def _with_expected_error(report: PredictionReport, count: int, squares: float) -> PredictionReport:
-    """Add the simulation's error, the inputs' and, from two other comparisons on, their RMS difference.
-
-    ``count``: the comparisons of its method and engine; ``squares``: the sum of their squared differences [-].
-    """
-    if report.packing_density is None:
-        return report
-    others, rest = count, squares
-    if report.difference is not None:
-        others, rest = count - 1, squares - report.difference**2
-    own = math.sqrt(max(rest, 0.0) / others) if others >= 2 else 0.0  # below 0 by rounding only
-    return replace(report, expected_error=math.hypot(report.standard_error or 0.0, report.input_error or 0.0, own))
+def _linked(row: Prediction, digests: set[str], sources: set[int]) -> Prediction:
+    """Set what a prediction rests on."""
+    row.runs = [PredictionRun(specimen_hash=digest) for digest in sorted(digests)]
+    row.calibrations = [PredictionCalibration(calibration_id=source) for source in sorted(sources)]
+    return row

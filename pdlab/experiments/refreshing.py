@@ -6,13 +6,15 @@ from dataclasses import dataclass
 
 from pdlab import store
 from pdlab.errors import PdlabError
-from pdlab.experiments.calibrations import CalibrationReport, calibrate_rows, calibration_report
-from pdlab.experiments.curves import RunAll
-from pdlab.experiments.predictions import PredictionReport, comparisons, predict
+from pdlab.experiments.calibrations import CalibrationReport, calibrating, calibration_report
+from pdlab.experiments.comparisons import comparisons
+from pdlab.experiments.predictions import predict
 from pdlab.experiments.readings import older_engine
+from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.ways import Way
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Calibration
+from pdlab.plan import RunAll, finish
 from pdlab.store import Store
 
 
@@ -74,7 +76,8 @@ def refresh(target: Store, run_all: RunAll, engine_version: int, names: Sequence
         predicted |= {(report.mixture, way): report for report in predict(target, run_all, names, way)}
     for way in dict.fromkeys(_way_of_calibration(fit) for fit in fits):
         rows = [fit.aggregate for fit in fits if _way_of_calibration(fit) == way]
-        calibrated |= {(report.aggregate_id, way): report for report in calibrate_rows(target, run_all, rows, way)}
+        reports = finish(calibrating(target, rows, way, engine_version), run_all)
+        calibrated |= {(report.aggregate_id, way): report for report in reports}
     return [_of_aggregate(fit, calibrated[fit.aggregate_id, _way_of_calibration(fit)]) for fit in fits] + [
         _of_mixture(report, predicted[report.mixture, _way_of_prediction(report)]) for report in before
     ]

@@ -1,6 +1,7 @@
 """How aggregates become spheres: by which method, diameter rule and number of seeds, and what is assumed."""
 
-from dataclasses import dataclass, replace
+import json
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pdlab import calibration, grading
@@ -48,6 +49,18 @@ class Way:
                 f"'{self.method}' has one size, of which nothing can be left out; use the method '{GRADED}' or '{AUTO}'"
             )
 
+    def text(self) -> str:
+        """Return all but method and variant as JSON, as it is kept with a wish; see ``way_of_text``."""
+        facts = asdict(self)
+        return json.dumps({name: facts[name] for name in sorted(facts.keys() - {"method", "variant"})})
+
     def set(self, protocol: Protocol) -> Protocol:
         """Return a protocol with the settings that are made differently."""
         return replace(protocol, **dict(self.settings))
+
+
+def way_of_text(method: str, variant: str, text: str | None) -> Way:
+    """Return the way that a wish asks for."""
+    facts = json.loads(text or "{}")
+    settings = tuple((name, value) for name, value in facts.pop("settings", ()))
+    return Way(method=method, variant=variant, settings=settings, **facts)

@@ -40,7 +40,8 @@ class _Written:
             self.aggregates |= set() if aggregate is None else {aggregate}
 
     def note_statement(self, state: ORMExecuteState) -> None:
-        if state.is_insert or state.is_update or state.is_delete:
+        changes = state.is_insert or state.is_update or state.is_delete
+        if changes and state.execution_options.get("compared", True):
             self.at_large |= state.statement.table.name in READ  # type: ignore[attr-defined]
 
 

@@ -34,6 +34,11 @@ _WITH_TESTS = (
     selectinload(Aggregate.sieve_analyses).selectinload(SieveAnalysis.results),
     selectinload(Aggregate.packing_tests),
 )
+_MIXTURES = (
+    sa.select(Mixture)
+    .options(selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
+    .options(selectinload(Mixture.packing_tests))
+)
 _CALIBRATIONS = (
     sa.select(Calibration)
     .options(selectinload(Calibration.runs), selectinload(Calibration.packing_test))
@@ -104,14 +109,15 @@ def mixtures(session: Session, names: Sequence[str] = (), newest: int | None = N
 
     Raises UnknownName.
     """
-    query = (
-        sa.select(Mixture)
-        .options(selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
-        .options(selectinload(Mixture.packing_tests))
-    )
     if newest is not None:
-        return list(session.scalars(query.order_by(Mixture.id.desc()).limit(newest)))[::-1]
-    return _named(session, Mixture, names, query.order_by(Mixture.id))
+        return list(session.scalars(_MIXTURES.order_by(Mixture.id.desc()).limit(newest)))[::-1]
+    return _named(session, Mixture, names, _MIXTURES.order_by(Mixture.id))
+
+
+def mixtures_by_id(session: Session, ids: Sequence[int]) -> list[Mixture]:
+    """Return mixtures with their components, the oldest first."""
+    query = _MIXTURES.order_by(Mixture.id)
+    return [row for part in parts(sorted(ids)) for row in session.scalars(query.where(Mixture.id.in_(part)))]
 
 
 def _named(session: Session, table: type[Named], names: Sequence[str], query: sa.Select[Named]) -> list[Named]:
@@ -202,10 +208,16 @@ def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -
     return list(session.scalars(query))
 
 
+def calibrations_by_id(session: Session, ids: Sequence[int]) -> list[Calibration]:
+    """Return calibrations, whatever their state, with their aggregates and runs."""
+    return [row for part in parts(ids) for row in session.scalars(_CALIBRATIONS.where(Calibration.id.in_(part)))]
+
+
 def done_calibrations(session: Session, aggregate_ids: Sequence[int], engine_version: int) -> list[Calibration]:
     """Return calibrations of aggregates that are done, by an engine version, the last asked for first, and no more."""
     query = (
         sa.select(Calibration)
+        .options(selectinload(Calibration.packing_test))
         .where(Calibration.state == "done", Calibration.engine_version == engine_version)
         .order_by(Calibration.requested_at.desc(), Calibration.id.desc())
     )
@@ -214,9 +226,58 @@ def done_calibrations(session: Session, aggregate_ids: Sequence[int], engine_ver
     ]
 
 
+def newest_calibrations(session: Session, aggregate_ids: Sequence[int]) -> set[int]:
+    """Return the ids of the calibrations of aggregates that were asked for last and have ended; no variant."""
+    last = (
+        sa.func.row_number()
+        .over(
+            partition_by=Calibration.aggregate_id,
+            order_by=(Calibration.requested_at.desc(), Calibration.id.desc()),
+        )
+        .label("place")
+    )
+    ended = sa.select(Calibration.id, last).where(Calibration.variant == "", Calibration.state.in_(ENDED))
+    out = set[int]()
+    for part in parts(aggregate_ids):
+        ranked = ended.where(Calibration.aggregate_id.in_(part)).subquery()
+        out.update(session.scalars(sa.select(ranked.c.id).where(ranked.c.place == 1)))
+    return out
+
+
 def predictions_by_id(session: Session, ids: Sequence[int]) -> list[Prediction]:
     """Return predictions with what they rest on."""
     return [row for part in parts(ids) for row in session.scalars(_PREDICTIONS.where(Prediction.id.in_(part)))]
+
+
+def done_predictions(
+    session: Session, mixture_ids: Sequence[int], method: str, variant: str, engine_version: int
+) -> dict[int, list[Prediction]]:
+    """Return, by mixture, the predictions by a method that are done, the last asked for first, with their links.
+
+    By an engine version, or by none where nothing was simulated.
+    """
+    query = (
+        sa.select(Prediction)
+        .options(selectinload(Prediction.runs), selectinload(Prediction.calibrations))
+        .where(Prediction.state == "done", Prediction.method == method, Prediction.variant == variant)
+        .where(sa.or_(Prediction.engine_version == engine_version, Prediction.engine_version.is_(None)))
+        .order_by(Prediction.requested_at.desc(), Prediction.id.desc())
+    )
+    out = dict[int, list[Prediction]]()
+    for part in parts(mixture_ids):
+        for row in session.scalars(query.where(Prediction.mixture_id.in_(part))):
+            out.setdefault(row.mixture_id, []).append(row)
+    return out
+
+
+def not_newest(session: Session, ids: Sequence[int]) -> list[int]:
+    """Return those of these predictions that are not the ones last asked for of their mixtures and methods."""
+    out = list[int]()
+    for part in parts(ids):
+        shown = sa.select(Comparison.prediction_id).where(Comparison.prediction_id.in_(part))
+        older = sa.select(Prediction.id).where(Prediction.id.in_(part), Prediction.variant == "")
+        out += session.scalars(older.where(Prediction.id.not_in(shown)))
+    return out
 
 
 def predictions(session: Session, mixture_ids: Sequence[int] | None = None) -> list[Prediction]:

@@ -1,0 +1,121 @@
+"""Wishes: calibrations and predictions that are asked for, and how a runner answers them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from pdlab import store
+from pdlab.errors import InputError, PdlabError, UnknownName
+from pdlab.experiments.calibrations import CalibrationReport, calibrating, calibration_report
+from pdlab.experiments.opening import open_calibration
+from pdlab.experiments.predictions import answered, predicting
+from pdlab.experiments.reports import PredictionReport, reports_of
+from pdlab.experiments.ways import Way, way_of_text
+from pdlab.models import Aggregate, Calibration, Mixture, Prediction
+from pdlab.plan import Plan, at_once
+from pdlab.store import Claim, Key, Store
+
+Report = CalibrationReport | PredictionReport
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a call asks for, by aggregate or mixture: the reports that are there, and the wishes for the others."""
+
+    reports: Mapping[int, Report]
+    wishes: Mapping[int, Key]
+
+
+def ask_calibrations(
+    target: Store, rows: Sequence[Aggregate], way: Way, engine_version: int, priority: int = 0
+) -> Asked:
+    """Read calibrations of aggregates, or work them out of the curves that are there; wish for the others."""
+    reports, asked = dict[int, Report](), list[tuple[int, dict[str, object]]]()
+    for row in rows:
+        found = at_once(calibrating(target, [row], way, engine_version))
+        if found is not None:
+            reports[row.id] = found[0]
+        else:
+            facts = open_calibration(row, way).facts()
+            asked.append((row.id, facts | {"method": way.method, "asked": way.text(), "priority": priority}))
+    same = ("aggregate_id", "method", "variant", "asked", "sieve_analysis_id", "packing_test_id")
+    with target.write() as session:
+        ids = store.ask(session, "calibration", [facts for _, facts in asked], same) if asked else []
+    wishes = {key: ("calibration", wish) for (key, _), wish in zip(asked, ids, strict=True)}
+    return Asked(reports, wishes)
+
+
+def ask_predictions(target: Store, rows: Sequence[Mixture], way: Way, engine_version: int, priority: int = 0) -> Asked:
+    """Read the predictions of mixtures that are there; wish for the others."""
+    reports = answered(target, rows, way, engine_version)
+    missing = [row.id for row in rows if row.id not in reports]
+    facts = {"method": way.method, "variant": way.variant, "asked": way.text(), "priority": priority, "protocol": ""}
+    with target.write() as session:
+        same = ("mixture_id", "method", "variant", "asked")
+        wished = [facts | {"mixture_id": key} for key in missing]
+        ids = store.ask(session, "prediction", wished, same) if missing else []
+    return Asked(reports, {key: ("prediction", wish) for key, wish in zip(missing, ids, strict=True)})
+
+
+def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Report]:
+    """Work out what a wish asks for and write it into its row; what cannot be stands there with its reason.
+
+    ``who``: the runner that claimed it. Raises ClaimLost.
+    """
+    kind, row_id = key
+    claim = Claim(row_id, who)
+    try:
+        if kind == "calibration":
+            report: Report = yield from _calibrating(target, claim, engine_version)
+        else:
+            report = yield from _predicting(target, claim, engine_version)
+    except InputError as error:  # what was asked for is gone or cannot be
+        with target.write() as session:
+            store.end_wish(session, key, who, "failed", str(error))
+        raise
+    if report.error is not None:
+        with target.write() as session:
+            store.end_wish(session, key, who, "failed", str(report.error))
+    return report
+
+
+def _calibrating(target: Store, claim: Claim, engine_version: int) -> Plan[CalibrationReport]:
+    with target.read() as session:
+        wish = store.claimed(session, Calibration, claim)
+        way = way_of_text(wish.method, wish.variant, wish.asked)
+        rows = store.aggregates_by_id(session, [wish.aggregate_id])
+    reports = yield from calibrating(target, rows, way, engine_version, claim)
+    return reports[0]
+
+
+def _predicting(target: Store, claim: Claim, engine_version: int) -> Plan[PredictionReport]:
+    with target.read() as session:
+        wish = store.claimed(session, Prediction, claim)
+        way = way_of_text(wish.method, wish.variant, wish.asked)
+        rows = store.mixtures_by_id(session, [wish.mixture_id])
+    reports = yield from predicting(target, rows, way, engine_version, claim)
+    return reports[0]
+
+
+def report_on(target: Store, key: Key) -> Report:
+    """Return what became of a wish that another runner answered, or that was cancelled. Raises UnknownName."""
+    kind, row_id = key
+    if kind == "prediction":
+        report = reports_of(target, [row_id])[row_id]
+        return report if report.state == "done" else _with_error(report)
+    with target.read() as session:
+        row = next(iter(store.calibrations_by_id(session, [row_id])), None)
+    if row is None:
+        raise UnknownName(f"{kind} {row_id} was deleted while it was waited for; ask again")
+    error = None if row.state == "done" else PdlabError(row.message or f"the calibration is {row.state}")
+    found = calibration_report(row.aggregate, row)
+    return found if error is None else CalibrationReport(found.aggregate, found.aggregate_id, row_id, error=error)
+
+
+def _with_error(report: PredictionReport) -> PredictionReport:
+    return replace(report, error=PdlabError(report.message or f"the prediction is {report.state}"))
+
+
+def cancel(target: Store, keys: Sequence[Key], message: str = "cancelled") -> int:
+    """Cancel wishes that have not ended; return how many that were."""
+    with target.write() as session:
+        return store.cancel(session, keys, message)
