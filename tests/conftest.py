@@ -8,6 +8,7 @@ import sqlite3
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy.orm import selectinload
 
+from pdlab.batch import chunks
 from pdlab.dem import VERSION
 from pdlab.experiments import listed, register
 from pdlab.lab import SHIPPED
@@ -145,6 +147,26 @@ def formula_packing(specimen: Specimen, noise: float = 0.002, version: int = VER
         return Packing(digest, math.nan, 5.0, 20.0, (1.0,), 0.005, "still", 1000, 1.0, version, (), angle)
     value = formula_density(friction) + gain + noise * scatter
     return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, version)
+
+
+class ThreadsPool:
+    """Advances beds in threads of this process, so that a test can put another engine in its place."""
+
+    def __init__(self, workers: int = 1) -> None:
+        self.workers = workers
+        self._executor = ThreadPoolExecutor(workers)
+
+    def submit(self, specimen: Specimen, state: Any, steps: int, threads: int) -> Future[chunks.Advanced]:
+        return self._executor.submit(chunks.advance, specimen, state, steps, threads)
+
+    def is_loss(self, error: BaseException) -> bool:
+        return False
+
+    def renew(self) -> None:
+        raise AssertionError("threads are not lost")
+
+    def close(self, wait: bool = True) -> None:
+        self._executor.shutdown(wait)
 
 
 class FormulaRunner:

@@ -76,7 +76,14 @@ def calibrate(
     usual are asked for. Runs are shared: what is simulated for one aggregate serves the curve of the next. Raises
     UnknownName, and InputError for a geometric reference.
     """
-    if way is not None and way.method in REFERENCES:
+    way = way or Way()
+    rows = to_calibrate(target, names, way)
+    return finish(calibrating(target, rows, way, run_all.engine_version), run_all)
+
+
+def to_calibrate(target: Store, names: Sequence[str], way: Way) -> list[Aggregate]:
+    """Return the named aggregates, or all. Raises UnknownName, and InputError for none and for a reference."""
+    if way.method in REFERENCES:
         raise InputError(
             f"'{way.method}' is a geometric reference and calibrates nothing; use {', '.join((*METHODS, *OTHERS))}"
         )
@@ -84,7 +91,7 @@ def calibrate(
         rows = store.aggregates(session, names)
     if not rows:
         raise InputError("the store holds no aggregate yet; import some, or run 'pdlab demo'")
-    return finish(calibrating(target, rows, way or Way(), run_all.engine_version), run_all)
+    return rows
 
 
 def calibrating(

@@ -45,6 +45,7 @@ from pdlab.store.selects import (
 )
 from pdlab.store.wishes import (
     LEASE,
+    WAITING,
     Claim,
     Key,
     ask,
@@ -54,6 +55,7 @@ from pdlab.store.wishes import (
     claim_wishes,
     claimed,
     end_wish,
+    free_runs,
     release,
     wish_states,
 )
@@ -61,6 +63,7 @@ from pdlab.store.wishes import (
 __all__ = [
     "LEASE",
     "SHOWN",
+    "WAITING",
     "Claim",
     "Key",
     "Store",
@@ -96,6 +99,7 @@ __all__ = [
     "find_mixture",
     "find_row",
     "find_run",
+    "free_runs",
     "is_made",
     "last_calibration",
     "last_prediction",
