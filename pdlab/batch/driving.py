@@ -14,7 +14,7 @@ from pdlab import packing
 from pdlab.batch.chunks import Advanced
 from pdlab.batch.jobs import Job
 from pdlab.batch.progress import Progress
-from pdlab.errors import ClaimLost, EngineError, PdlabError, StoreAway, WorkersLost
+from pdlab.errors import ClaimLost, EngineError, PdlabError, StoreAway, StoreError, WorkersLost
 from pdlab.models import Run, RunState
 from pdlab.plan import Outcome, Plan
 from pdlab.specimen import Specimen
@@ -162,6 +162,8 @@ class Drive(Generic[T]):
             return (end.value,)
         except StoreAway:
             course.restart()
+            raise
+        except StoreError:  # the disk is full: nothing can be kept of what is run
             raise
         except PdlabError as error:
             return (error,)

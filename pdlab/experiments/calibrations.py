@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from pdlab import calibration, store
 from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING, Curve, Ladder, Met
 from pdlab.density import MeasuredPacking
-from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
+from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge, StoreError
 from pdlab.experiments.curves import Curves
 from pdlab.experiments.opening import Open, open_calibration
 from pdlab.experiments.readings import measured_test, particle_density, protocol_of_text
@@ -141,6 +141,8 @@ def _work_out(target: Store, waiting: list[Open], curves: Curves) -> Plan[None]:
     for one in fresh:
         try:
             curves.load([one.ladder()])
+        except StoreError:
+            raise
         except SpecimenTooLarge as error:
             one.error = _too_large(one, error)
         except PdlabError as error:

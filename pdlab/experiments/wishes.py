@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from pdlab import store
-from pdlab.errors import InputError, PdlabError, UnknownName
+from pdlab.errors import InputError, PdlabError, StoreError, UnknownName
 from pdlab.experiments.calibrations import CalibrationReport, calibrating, calibration_report
 from pdlab.experiments.opening import open_calibration
 from pdlab.experiments.predictions import answered, predicting
@@ -83,6 +83,8 @@ def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Re
             report: Report = yield from _calibrating(target, claim, engine_version)
         else:
             report = yield from _predicting(target, claim, engine_version)
+    except StoreError:
+        raise
     except InputError as error:  # what was asked for is gone or cannot be
         with target.write() as session:
             store.end_wish(session, key, who, "failed", str(error))
