@@ -15,7 +15,7 @@ from pdlab.experiments.predictions import PredictionReport, comparisons, predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
-from pdlab.experiments.registration import Registered, register
+from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.ways import METHODS, Way
@@ -53,6 +53,7 @@ __all__ = [
     "predict",
     "refresh",
     "register",
+    "register_each",
     "sheet",
     "show",
     "summaries",
