@@ -15,7 +15,7 @@ from pdlab.experiments.predictions import answered, predict, to_predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
-from pdlab.experiments.registration import Registered, register
+from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
@@ -71,6 +71,7 @@ __all__ = [
     "predict",
     "refresh",
     "register",
+    "register_each",
     "report_on",
     "sheet",
     "show",
