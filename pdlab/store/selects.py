@@ -5,11 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session, selectinload
 
 from pdlab.errors import UnknownName
 from pdlab.models import (
     Aggregate,
+    Base,
     Calibration,
     Comparison,
     Mixture,
@@ -176,10 +178,24 @@ def done_runs(session: Session, digests: Sequence[str]) -> dict[str, Run]:
 
 def save_run(session: Session, run: Run, state: RunState | None) -> None:
     """Write a run, over an earlier unsuccessful try of the same specimen."""
-    session.merge(run)
-    session.flush()
+    upsert(session, Run, [columns_of(run)])
     if state is not None:
-        session.merge(state)
+        upsert(session, RunState, [columns_of(state)])
+
+
+def columns_of(row: Base) -> dict[str, Any]:
+    """Return the columns of a row that were set, by name."""
+    return {name: value for name, value in vars(row).items() if not name.startswith("_")}
+
+
+def upsert(session: Session, table: type[Base], rows: Sequence[dict[str, Any]]) -> None:
+    """Write rows with the same columns each, over those that are there with the same key."""
+    if not rows:
+        return
+    insert: Any = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}[session.get_bind().dialect.name](table)
+    keys = [key.name for key in sa.inspect(table).primary_key]
+    changed = {name: insert.excluded[name] for name in rows[0] if name not in keys}
+    session.execute(insert.on_conflict_do_update(index_elements=keys, set_=changed), list(rows))
 
 
 def runs(session: Session) -> list[Run]:
