@@ -24,6 +24,7 @@ from pdlab.specimen import (
     Protocol,
     Specimen,
     equal_spheres,
+    heap_spheres,
     mixed_spheres,
 )
 
@@ -32,7 +33,7 @@ NEIGHBORS = 8
 ALIKE = 0.02
 """Distance below which two beds are the same but for their seed."""
 NEAREST = 0.1
-"""Distance at which a neighbour has half the weight of an equal bed."""
+"""Distance at which a neighbour has a quarter of the weight of an equal bed."""
 SCATTER, DRIFT, LOAD, FOREIGN = 0.15, 0.35, 0.2, 0.5
 """Standard deviations of logarithms before any run is known: of the steps of equal beds; of steps and speed at a
 distance of one; of the speed from hour to hour; and of the speed of a machine that none was run on."""
@@ -71,10 +72,10 @@ class Range(NamedTuple):
 class Estimate:
     """What runs will cost. Arrays of shape (R,), a value for each run.
 
-    ``steps`` and ``seconds`` [s] on an idle core each; ``scatter``: the standard deviation of the logarithm of the
-    seconds, of each run for itself; ``drift``: of all runs together, since they rest on the same neighbours.
-    ``load``: of the logarithm of the machine's speed, ``hindered`` (K,): logarithms of how many times as long as
-    expected single runs took. ``measured``: whether any run was timed on this machine.
+    ``count``: spheres; ``steps``; ``run_seconds`` [s] on a core at the machine's usual load. Standard deviations of
+    logarithms: ``scatter`` of the steps, of each run for itself; ``drift`` of the steps, of all runs together, since
+    they rest on the same neighbours; ``load`` of the machine's speed. ``hindered`` (K,): logarithms of how many times
+    as long as expected single runs took. ``measured``: whether any run was timed on this machine.
     """
 
     count: np.ndarray
@@ -243,8 +244,9 @@ def _bed(friction: float, protocol: Protocol = LOOSE, rolling: float = 0.0) -> S
     return equal_spheres(friction, 1, protocol, rolling)
 
 
-def _binary(coarse: float, ratio: float = 3.5) -> Specimen:
-    return mixed_spheres([Component(ratio, 0.1258, coarse), Component(1.0, 0.2232, 1.0 - coarse)], 1)
+def _mix(*parts: tuple[float, float, float], protocol: Protocol = LOOSE) -> Specimen:
+    """Return the bed of a mixture of diameters, frictions and shares."""
+    return mixed_spheres([Component(*part) for part in parts], 1, protocol)
 
 
 @lru_cache(maxsize=1)
@@ -258,9 +260,16 @@ def built_in() -> tuple[Ran, ...]:
         (_bed(0.0, RODDED), 306_000, 31.8e6), (_bed(0.05, RODDED), 201_400, 33.6e6),
         (_bed(0.3, RODDED), 177_400, 33.4e6), (_bed(1.0, RODDED), 195_800, 35.5e6),
         (_bed(1.0, RODDED, 0.3), 178_300, 33.0e6),
-        (_bed(0.0, VIBRATED), 166_900, 25.0e6), (_bed(0.3, VIBRATED), 143_500, 27.0e6),
-        (_bed(1.0, VIBRATED), 148_800, 28.0e6),
-        (_binary(0.4), 57_000, 29.0e6), (_binary(0.675), 80_800, 29.0e6), (_binary(0.9), 121_900, 29.0e6),
+        (_bed(0.0, VIBRATED), 166_900, 22.0e6), (_bed(0.3, VIBRATED), 143_500, 22.4e6),
+        (_bed(1.0, VIBRATED), 148_800, 22.4e6), (heap_spheres(0.3, 1), 120_400, 21.5e6),
+        (_mix((3.5, 0.1258, 0.4), (1.0, 0.2232, 0.6)), 57_000, 29.0e6),
+        (_mix((3.5, 0.1258, 0.675), (1.0, 0.2232, 0.325)), 80_800, 29.0e6),
+        (_mix((3.5, 0.1258, 0.9), (1.0, 0.2232, 0.1)), 121_900, 29.0e6),
+        (_mix((3.0, 0.0, 0.6), (1.0, 0.0, 0.4)), 186_100, 25.0e6),
+        (_mix((4.0, 0.3, 0.4), (2.0, 0.1, 0.3), (1.0, 0.2, 0.3)), 104_300, 28.0e6),
+        (_mix((2.0, 0.3, 0.5), (1.0, 0.1, 0.5)), 26_600, 28.0e6),
+        (_mix((1.5, 0.5, 0.3), (1.0, 0.7, 0.7)), 20_800, 28.0e6),
+        (_mix((2.0, 0.3, 0.5), (1.0, 0.1, 0.5), protocol=RODDED), 344_400, 30.0e6),
     ]  # fmt: skip
     placed = [
         (_bed(0.0, Protocol("static")), 8.4e-4), (_bed(0.0, Protocol("drop_and_roll")), 8.5e-6),
