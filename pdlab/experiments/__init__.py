@@ -9,6 +9,7 @@ from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.effort import known_runs
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import answered, predict, to_predict
@@ -66,6 +67,7 @@ __all__ = [
     "counted",
     "delete",
     "export_tables",
+    "known_runs",
     "listed",
     "measured_aggregate",
     "predict",

@@ -176,6 +176,18 @@ def done_runs(session: Session, digests: Sequence[str]) -> dict[str, Run]:
     return {run.specimen_hash: run for run in found}
 
 
+def newest_done(session: Session, engine_version: int, most: int) -> list[tuple[str, int, float | None, str | None]]:
+    """Return the specimen, steps, seconds [s] and processor of the newest runs that an engine version has done."""
+    query = (
+        sa.select(Run.specimen, Run.steps, Run.seconds, Run.processor)
+        .where(Run.state == "done", Run.engine_version == engine_version, Run.steps.is_not(None))
+        .order_by(Run.finished_at.desc())
+    )
+    return [
+        (specimen, steps or 0, seconds, there) for specimen, steps, seconds, there in session.execute(query.limit(most))
+    ]
+
+
 def save_run(session: Session, run: Run, state: RunState | None) -> None:
     """Write a run, over an earlier unsuccessful try of the same specimen."""
     upsert(session, Run, [columns_of(run)])
