@@ -9,7 +9,7 @@ runs measured once on an idle machine stand in. This module runs nothing.
 import heapq
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -379,9 +379,13 @@ def learn(history: Sequence[Ran]) -> Model:
     )
 
 
-def estimate(specimens: Sequence[Specimen], history: Sequence[Ran]) -> Estimate:
-    """Return what specimens that are new will cost, each once, by what a store's runs of the same engine teach."""
-    model, beds = learn(history), list(dict.fromkeys(specimens))
+def estimate(specimens: Sequence[Specimen], history: Sequence[Ran] | Model) -> Estimate:
+    """Return what specimens that are new will cost, each once, by what a store's runs of the same engine teach.
+
+    ``history``: the runs, or what was learnt of them.
+    """
+    model = history if isinstance(history, Model) else learn(history)
+    beds = list(dict.fromkeys(specimens))
     found = np.array([model.run(bed) for bed in beds]).reshape(-1, 3)
     return Estimate(
         count=np.array([bed.spheres for bed in beds], dtype=float),
@@ -393,3 +397,12 @@ def estimate(specimens: Sequence[Specimen], history: Sequence[Ran]) -> Estimate:
         hindered=model.hindered,
         measured=model.measured,
     )
+
+
+def joined(estimates: Sequence[Estimate]) -> Estimate:
+    """Return the estimate of all runs of estimates by one model, which share no run."""
+    count, steps, seconds, scatter, drift = (
+        np.concatenate(arrays)
+        for arrays in zip(*((e.count, e.steps, e.run_seconds, e.scatter, e.drift) for e in estimates), strict=True)
+    )
+    return replace(estimates[0], count=count, steps=steps, run_seconds=seconds, scatter=scatter, drift=drift)

@@ -11,6 +11,7 @@ from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
 from pdlab.experiments.effort import known_runs
 from pdlab.experiments.export import Exported, export_tables
+from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import answered, predict, to_predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
@@ -58,6 +59,7 @@ __all__ = [
     "answering",
     "ask_calibrations",
     "ask_predictions",
+    "beds_to_run",
     "by_theory",
     "calibrate",
     "cancel",

@@ -188,6 +188,13 @@ def newest_done(session: Session, engine_version: int, most: int) -> list[tuple[
     ]
 
 
+def done_digests(session: Session, digests: Sequence[str]) -> set[str]:
+    """Return which runs are done."""
+    query = sa.select(Run.specimen_hash).where(Run.state == "done")
+    found = (session.scalars(query.where(Run.specimen_hash.in_(part))) for part in parts(digests))
+    return {digest for some in found for digest in some}
+
+
 def save_run(session: Session, run: Run, state: RunState | None) -> None:
     """Write a run, over an earlier unsuccessful try of the same specimen."""
     upsert(session, Run, [columns_of(run)])

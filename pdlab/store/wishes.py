@@ -175,7 +175,7 @@ def claim_runs(
     """
     digests = [row.specimen_hash for row in rows]
     there = session.execute(sa.select(Run.specimen_hash, Run.state).where(Run.specimen_hash.in_(digests)))
-    states = {digest: state for digest, state in there.all()}
+    states = dict(there.all())
     held = {digest for digest, state in states.items() if state == "done"}
     if "running" in states.values():
         others = sa.and_(Run.state == "running", ~_free(session, Run, is_gone), Run.claimed_by != who)
