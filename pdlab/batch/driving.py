@@ -242,7 +242,9 @@ class Drive(Generic[T]):
         chunk, before = future.result(), 0 if job.progress is None else job.progress.steps  # raises what is no bed's
         job.take(chunk)
         self._lost = 0
-        self._sphere_steps += (chunk.progress.steps - before) * job.specimen.spheres
+        done = (chunk.progress.steps - before) * job.specimen.spheres
+        self._sphere_steps += done
+        self._runner.sphere_steps += done
         log.info(job.text())
         if chunk.result is not None:
             self._keep(*job.done(chunk))

@@ -4,7 +4,7 @@ What is asked for, and what came of it, stands in the store: a table that was st
 rest. Memory holds a slice and what is under way; of each mixture that is to be predicted some bytes.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -21,6 +21,31 @@ from pdlab.plan import Plan
 from pdlab.planning import Estimate
 from pdlab.store import Key, Store
 from pdlab.tables import Slice, Slices
+
+
+@dataclass
+class Summary:
+    """What became of a table: how many of its mixtures were predicted now, read, or could not be; what was run.
+
+    ``runs`` and ``sphere_steps`` simulated, in ``seconds`` [s] by the clock.
+    """
+
+    mixtures: int
+    predicted: int = 0
+    read: int = 0
+    failed: int = 0
+    runs: int = 0
+    sphere_steps: int = 0
+    seconds: float = 0.0
+
+    def count(self, told: "Told") -> None:
+        """Count a row."""
+        if told.report.error is not None:
+            self.failed += 1
+        elif told.fresh:
+            self.predicted += 1
+        else:
+            self.read += 1
 
 
 @dataclass(frozen=True)
@@ -180,6 +205,23 @@ def predict_pending(runner: Runner, table: Slices, pending: np.ndarray, way: Way
         said = _failed(name, way, report) if isinstance(report, PdlabError) else report
         assert isinstance(said, PredictionReport)
         yield Told(number, said, fresh=True)
+
+
+def predict_table(
+    runner: Runner, table: Slices, way: Way, on_survey: Callable[[Survey], None] | None = None
+) -> Iterator[Told]:
+    """Predict every mixture of a table: first what is known, then, after its survey, the others as they come.
+
+    Raises as ``survey`` and ``predict_pending`` do.
+    """
+    for told in survey(runner, table, way):
+        if isinstance(told, Told):
+            yield told
+            continue
+        if on_survey is not None:
+            on_survey(told)
+        if told.pending.any():
+            yield from predict_pending(runner, table, told.pending, way)
 
 
 def in_order(
