@@ -41,8 +41,8 @@ class Runner:
     """Carries plans on for one store; callable as ``run_all``.
 
     ``pool``: where beds are advanced, ``threads`` threads to each. ``on_progress`` is called at the beginning and
-    after every chunk. ``simulated``, ``read`` and ``sphere_steps`` count over all calls. ``who``: the name under which it claims.
-    The workers live from the first run that is needed to ``close``.
+    after every chunk. ``simulated``, ``read`` and ``sphere_steps`` count over all calls. ``who``: the name under which
+    it claims. The workers live from the first run that is needed to ``close``.
     """
 
     target: Store
