@@ -73,7 +73,7 @@ class Survey:
     read: int = 0
     failed: int = 0
     _estimates: list[Estimate] = field(default_factory=list)
-    _new: set[str] = field(default_factory=set)
+    _new: set[bytes] = field(default_factory=set)
 
     @cached_property
     def _model(self) -> planning.Model:
@@ -83,7 +83,7 @@ class Survey:
     def add(self, target: Store, rows: list[Mixture], way: Way) -> None:
         """Take in mixtures that are to be predicted: the beds that they will take and no other before them."""
         beds = experiments.beds_to_run(target, rows, way, self.runner.engine_version)
-        new = {bed.digest(self.runner.engine_version): bed for bed in beds}
+        new = {bytes.fromhex(bed.digest(self.runner.engine_version)): bed for bed in beds}
         fresh = [bed for digest, bed in new.items() if digest not in self._new]
         self._new |= new.keys()
         self._estimates.append(planning.estimate(fresh, self._model))
