@@ -76,10 +76,12 @@ class Surface:
 
     def draws(self, allowed: NDArray[np.intp]) -> Floats:
         """Return PDs drawn at the allowed places together, shape (512, A), always the same."""
+        from threadpoolctl import threadpool_limits
+
         among = self.covariance[np.ix_(allowed, allowed)] + ROUNDING**2 * np.eye(allowed.size)
-        factor = np.linalg.cholesky(among)
         normal = np.random.default_rng(DRAWN_BY).standard_normal((DRAWS, allowed.size))
-        return np.asarray(self.mean[allowed] + normal @ factor.T, dtype=np.float64)
+        with threadpool_limits(1):
+            return np.asarray(self.mean[allowed] + normal @ np.linalg.cholesky(among).T, dtype=np.float64)
 
     def densest_chances(self, allowed: NDArray[np.intp]) -> Floats:
         """Return the probability of each place to be the densest of those allowed, shape (M,)."""
@@ -98,27 +100,31 @@ class Surface:
 def fitted(
     shares: Floats, theories: Sequence[Floats], at: Sequence[int], values: Sequence[float], errors: Sequence[float]
 ) -> Surface:
-    """Return the surface through values of PD [-] at places of the grid, the first S of them of each aggregate alone.
+    """Return the surface through PDs [-] of mixtures at places of the grid, each with its standard error.
 
-    ``theories``: PD over the grid by packing models, each of shape (M,), from which simulation departs by a Gaussian
-    process with a Matérn kernel. Nothing is fitted but averaged over: each of the theories with each of DEVIATIONS and
-    LENGTHS counts by the likelihood that it gives to the mixtures' values, the aggregates' own being known.
+    ``theories``: PD over the grid by packing models, each of shape (M,) and right for each aggregate alone. From them
+    simulation departs by a Gaussian process with a Matérn kernel, not at all where an aggregate stands alone. Nothing
+    is fitted but averaged over: each theory with each of DEVIATIONS and LENGTHS counts by the likelihood that it gives
+    to the mixtures.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+    from threadpoolctl import threadpool_limits
 
-    known, alone = list(at), shares.shape[1]
-    noise = np.asarray(errors) ** 2 + ROUNDING**2
+    alone = vertices(shares)
+    noise = np.concatenate([np.zeros(len(alone)), np.asarray(errors) ** 2]) + ROUNDING**2
     processes, likelihoods = list[tuple[Floats, Any]](), list[float]()
-    for theory, deviation, length in itertools.product(theories, DEVIATIONS, LENGTHS):
-        kernel = ConstantKernel(deviation**2) * Matern(length, nu=SMOOTHNESS)
-        apart = np.asarray(values) - theory[known]
-        ends = GaussianProcessRegressor(kernel, alpha=noise[:alone], optimizer=None)
-        ends.fit(shares[known[:alone]], apart[:alone])
-        process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None).fit(shares[known], apart)
-        processes.append((theory, process))
-        likelihoods.append(process.log_marginal_likelihood_value_ - ends.log_marginal_likelihood_value_)
-    return _averaged(shares, processes, np.exp(np.array(likelihoods) - max(likelihoods)))
+    with threadpool_limits(1):  # the same to the last bit on any number of cores
+        for deviation, length in itertools.product(DEVIATIONS, LENGTHS):
+            kernel = ConstantKernel(deviation**2) * Matern(length, nu=SMOOTHNESS)
+            ends = np.linalg.slogdet(kernel(shares[alone]) + ROUNDING**2 * np.eye(len(alone)))[1] / 2.0
+            for theory in theories:
+                apart = np.concatenate([np.zeros(len(alone)), np.asarray(values) - theory[list(at)]])
+                process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None)
+                process.fit(shares[[*alone, *at]], apart)
+                processes.append((theory, process))
+                likelihoods.append(process.log_marginal_likelihood_value_ + ends)
+        return _averaged(shares, processes, np.exp(np.array(likelihoods) - max(likelihoods)))
 
 
 def _averaged(shares: Floats, processes: Sequence[tuple[Floats, Any]], weights: Floats) -> Surface:

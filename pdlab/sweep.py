@@ -130,10 +130,9 @@ class _Sweep:
         return np.array(sorted({*vertices(self.shares), *self.done, *(self.beds.keys() - near)}))
 
     def surface(self) -> Surface:
-        """Return what the beds say by now, the aggregates' own packing densities being given."""
-        values = [part.packing_density for part in self.parts] + [bed.packing_density for bed in self.done.values()]
-        errors = [0.0] * len(self.parts) + [float(self.scatter[at]) for at in self.done]
-        return fitted(self.shares, self.theories, [*vertices(self.shares), *self.done], values, errors)
+        """Return what the beds say by now."""
+        values = [bed.packing_density for bed in self.done.values()]
+        return fitted(self.shares, self.theories, list(self.done), values, self.scatter[list(self.done)].tolist())
 
     def next(self, surface: Surface, beds: int) -> list[int]:
         """Return the places whose beds tell most, one after the other, as if each was run before the next."""
@@ -183,9 +182,8 @@ class _Sweep:
             to_gain=float(np.quantile(draws.max(axis=1) - draws[:, best], CERTAIN)),
         )
 
-    def is_known(self, surface: Surface, wished_error: float) -> bool:
-        """Return whether the densest mix is known as well as wished, by its beds alone."""
-        densest = self.densest(surface)
+    def is_known(self, densest: Densest, surface: Surface, wished_error: float) -> bool:
+        """Return whether the densest mix is known as well as wished, by the beds alone."""
         at = int(np.argmin(_apart(self.shares, np.array(densest.shares))))
         return float(surface.deviation[at]) <= wished_error and densest.to_gain <= TIMES * wished_error
 
@@ -217,7 +215,7 @@ def sweeping(
     while wanted:
         yield from one.running(wanted, most)
         surface = one.surface()
-        beds = 0 if one.is_known(surface, wished_error) else min(AT_ONCE, most - one.asked)
+        beds = 0 if one.is_known(one.densest(surface), surface, wished_error) else min(AT_ONCE, most - one.asked)
         wanted = one.next(surface, beds)
     if not one.done and one.failed:
         raise next(iter(one.failed.values()))
@@ -228,6 +226,7 @@ def sweeping(
 
 def _swept(one: _Sweep, surface: Surface, test: NextTest | None, wished_error: float) -> Swept:
     """Return the result of a sweep, its aggregates in the order of its own."""
+    densest = one.densest(surface)
     return Swept(
         aggregates=tuple(part.aggregate for part in one.parts),
         points=tuple(
@@ -237,9 +236,9 @@ def _swept(one: _Sweep, surface: Surface, test: NextTest | None, wished_error: f
         shares=one.shares,
         packing_density=surface.mean,
         deviation=surface.deviation,
-        densest=one.densest(surface),
+        densest=densest,
         next_test=test,
-        warnings=tuple(_warnings(one, surface, wished_error)),
+        warnings=tuple(_warnings(one, densest, surface, wished_error)),
     )
 
 
@@ -318,10 +317,10 @@ def _all_errors(one: _Sweep, surface: Surface) -> Floats:
     return np.asarray(inputs @ inputs.T + np.outer(curves, curves), dtype=np.float64)
 
 
-def _warnings(one: _Sweep, surface: Surface, wished_error: float) -> list[str]:
+def _warnings(one: _Sweep, densest: Densest, surface: Surface, wished_error: float) -> list[str]:
     """Return what there is to say of a sweep."""
-    out, densest = list[str](), one.densest(surface)
-    if not one.is_known(surface, wished_error):
+    out = list[str]()
+    if not one.is_known(densest, surface, wished_error):
         out.append(
             f"{one.asked} beds were run, and the densest mix is known to ± {densest.standard_error:.4f} with "
             f"{densest.to_gain:.4f} still to be gained elsewhere, not to the wished {wished_error:g}; allow more beds"

@@ -1,5 +1,6 @@
 """Sweeps over formula surfaces: few beds, the densest mix found, an error that holds, and what may go wrong."""
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,6 +19,7 @@ from pdlab.sweep import Measurement, Swept, sweeping
 NUMBERS = range(5)
 
 
+@functools.cache
 def swept(kind: str, number: int, aggregates: int = 2, seed: int = 1) -> tuple[Swept, Engine, Truth]:
     parts, truth = shape(kind, number, aggregates)
     engine = Engine(parts, truth)
@@ -37,7 +39,7 @@ def test_at_most_12_beds_find_two_aggregates_densest_mix_within_0_003(kind: str,
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("number", (0, 1))
+@pytest.mark.parametrize("number", [0, 1])
 def test_at_most_30_beds_find_three_aggregates_densest_mix_within_0_003(kind: str, number: int) -> None:
     found, engine, truth = swept(kind, number, 3)
     assert len(engine.asked) <= 30
@@ -45,7 +47,7 @@ def test_at_most_30_beds_find_three_aggregates_densest_mix_within_0_003(kind: st
 
 
 def test_stated_errors_and_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    found = [swept(kind, number) for kind in KINDS[:3] for number in range(20)]
+    found = [swept(kind, number) for kind in KINDS[:3] for number in range(12)]
     off = [
         (one.densest.packing_density - at(truth, one.densest.shares)) / one.densest.standard_error
         for one, _, truth in found
@@ -130,10 +132,6 @@ def test_errors_of_the_inputs_and_curves_are_carried_to_the_densest_mix() -> Non
     weight = [y * (found.packing_density / p.packing_density) ** 2 for y, p in zip(found.shares, parts, strict=True)]
     assert found.input_error == pytest.approx(math.hypot(weight[0] * 0.004, weight[1] * 0.003))
     assert found.standard_error == pytest.approx(math.hypot(exact.standard_error, weight[0] * 0.002))
-
-
-def near(place: float, error: EngineError) -> "object":
-    return lambda shares: error if abs(shares[0] - place) < 0.08 else None
 
 
 def test_a_bed_that_fails_is_a_place_without_a_point_and_noted() -> None:
@@ -229,6 +227,6 @@ def test_the_grid_holds_every_proportion_once(aggregates: int, places: int) -> N
 
 def test_four_and_five_aggregates_are_swept_too() -> None:
     for aggregates in (4, 5):
-        parts, truth = shape("middle", 0, aggregates)
+        parts, truth = shape("end", 0, aggregates)
         found = finish(sweeping(parts, 0.003, most_specimens=20), Engine(parts, truth))
-        assert truth(found.shares).max() - at(truth, found.densest.shares) < 0.01
+        assert truth(found.shares).max() - at(truth, found.densest.shares) < 0.005
