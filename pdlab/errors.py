@@ -16,6 +16,7 @@ PdlabError
 │   ├── EditedMeanwhile     a row that another has changed since it was read
 │   ├── StillNeeded         a row that cannot be deleted, since others rest on it
 │   └── StoreError          what is no store, a store of another revision, or a database that cannot be used now
+│       └── StoreAway       a database that does not answer now and may later: locked, restarting, out of reach
 ├── ClaimLost               a wish that was cancelled, or that another runner has taken over
 ├── MigrationFailed         a store that could not be brought to a newer revision and is as it was
 └── EngineError             a run that gave no packing density
@@ -124,6 +125,10 @@ class StillNeeded(InputError):
 
 class StoreError(InputError):
     """What is no store, a store of another revision, or a database that cannot be used now."""
+
+
+class StoreAway(StoreError):
+    """A database that does not answer now and may later: locked, restarting, out of reach."""
 
 
 class ClaimLost(PdlabError):

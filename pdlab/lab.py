@@ -11,7 +11,10 @@ import numpy as np
 import pandas as pd
 
 from pdlab import experiments, mixture, store, tables
-from pdlab.batch import Progress, Repeater, Runner, cores
+from pdlab.batch.pools import open_pool
+from pdlab.batch.progress import Progress
+from pdlab.batch.runner import Repeater, Runner, cores
+from pdlab.batch.working import calibrate, predict
 from pdlab.bedfiles import Bed, standing
 from pdlab.calibration import METHOD, SEEDS
 from pdlab.comparison import CONFIDENCE, SEED
@@ -50,7 +53,8 @@ class Lab:
     simulate, one for each core by default; they are spawned, so a script calls Lab under
     ``if __name__ == "__main__":``. ``progress`` is called after every chunk of simulation. ``threads`` share
     one bed, which pays for few beds of some 10 000 spheres and more on idle cores; results do not depend on
-    it. Raises StoreError, InputError.
+    it. ``scheduler``: ``tcp://HOST:PORT`` of a dask.distributed cluster, whose workers then simulate. Raises
+    StoreError, InputError, WorkersLost.
     """
 
     def __init__(
@@ -59,12 +63,17 @@ class Lab:
         workers: int | None = None,
         progress: Callable[[Progress], None] | None = None,
         threads: int = 1,
+        scheduler: str | None = None,
     ) -> None:
         if not 1 <= threads <= cores():
             raise InputError(f"{threads} threads lie outside [1, {cores()}], the cores of this process; choose fewer")
         self._address = store.store_url(url)  # with its password
         self.store = store.open_store(self._address)
-        self.runner = Runner(self.store, workers or cores() // threads, progress, threads=threads)
+        try:
+            self.runner = Runner(self.store, open_pool(workers or cores() // threads, scheduler), progress, threads)
+        except PdlabError:
+            self.store.close()
+            raise
 
     def __enter__(self) -> "Lab":
         return self
@@ -72,11 +81,11 @@ class Lab:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        self.close(wait=error is None)
 
-    def close(self) -> None:
-        """End the worker processes and close the store."""
-        self.runner.close()
+    def close(self, wait: bool = True) -> None:
+        """End the worker processes, after what they work on if ``wait``, and close the store."""
+        self.runner.close(wait)
         self.store.close()
 
     def import_tables(self, path: str | Path, dry_run: bool = False) -> Registered:
@@ -109,12 +118,11 @@ class Lab:
         density; or repose, by its angle of repose. ``rule``: for the equivalent diameter. ``seeds``: beds at a node of
         the curve. ``leave_out``: graded spheres finer than this [mm] are left out. Raises UnknownName, InputError.
         """
-        way = Way(method, rule, seeds, leave_out)
-        return experiments.calibrate(self.store, self.runner, _texts(names), way)
+        return calibrate(self.runner, _texts(names), Way(method, rule, seeds, leave_out))
 
     def predict_reports(self, names: Texts = (), way: Way | None = None) -> list[PredictionReport]:
         """Predict the named mixtures, or all; a mixture's error stands in its report."""
-        return experiments.predict(self.store, self.runner, _texts(names), way)
+        return predict(self.runner, _texts(names), way or Way())
 
     def predict(
         self,
@@ -231,11 +239,8 @@ class Lab:
         To the bit where engine, numba and processor are the same; within three standard errors elsewhere; runs of
         another engine version are counted alone. Raises InputError for a ``sample`` below 1.
         """
-        again = Repeater(self.store, self.runner.workers, self.runner.on_progress)
-        try:
-            return experiments.verify(self.store, again.repeat, again.engine_version, sample, seed)
-        finally:
-            again.close()
+        again = Repeater(self.store, self.runner.pool, self.runner.on_progress)
+        return experiments.verify(self.store, again.repeat, again.engine_version, sample, seed)
 
     def refresh(self, mixtures: Iterable[str] = ()) -> list[Refreshed]:
         """Calibrate and predict again what rests on an older engine: all of it, or the named mixtures'.

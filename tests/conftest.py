@@ -8,15 +8,20 @@ import sqlite3
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import sqlalchemy as sa
 from sqlalchemy.orm import selectinload
 
+from pdlab import packing
+from pdlab.batch import chunks
 from pdlab.dem import VERSION
+from pdlab.dem.bed import rest_free
 from pdlab.experiments import listed, register
 from pdlab.lab import SHIPPED
 from pdlab.models import Comparison, SieveAnalysis
@@ -145,6 +150,52 @@ def formula_packing(specimen: Specimen, noise: float = 0.002, version: int = VER
         return Packing(digest, math.nan, 5.0, 20.0, (1.0,), 0.005, "still", 1000, 1.0, version, (), angle)
     value = formula_density(friction) + gain + noise * scatter
     return Packing(digest, value, 5.0, 20.0, specimen.shares, 0.005, "still", 1000, 1.0, version)
+
+
+class ThreadsPool:
+    """Advances beds in threads of this process, so that a test can put another engine in its place."""
+
+    def __init__(self, workers: int = 1) -> None:
+        self.workers = workers
+        self._executor = ThreadPoolExecutor(workers)
+
+    def submit(self, specimen: Specimen, state: Any, steps: int, threads: int) -> Future[chunks.Advanced]:
+        return self._executor.submit(chunks.advance, specimen, state, steps, threads)
+
+    def is_loss(self, error: BaseException) -> bool:
+        return False
+
+    def renew(self) -> None:
+        raise AssertionError("threads are not lost")
+
+    def close(self, wait: bool = True) -> None:
+        self._executor.shutdown(wait)
+
+
+class FormulaPool:
+    """Stands for the engine: every bed is at rest after one chunk, with the packing density of the formula."""
+
+    workers = 1
+
+    def submit(self, specimen: Specimen, state: Any, steps: int, threads: int) -> Future[chunks.Advanced]:
+        future = Future[chunks.Advanced]()
+        future.set_result(formula_chunk(specimen))
+        return future
+
+    def is_loss(self, error: BaseException) -> bool:
+        return False
+
+    def renew(self) -> None:
+        raise AssertionError("nothing is lost here")
+
+    def close(self, wait: bool = True) -> None:
+        """End nothing: nothing was started."""
+
+
+def formula_chunk(specimen: Specimen) -> chunks.Advanced:
+    progress = packing.Progress(1000, 1.0, 0.0, 0.0)
+    bed = chunks.where(rest_free(np.full((4, 4), 0.5), np.zeros(4)))
+    return chunks.Advanced(progress, 1.0, "0.68 formula", result=formula_packing(specimen), archive=bed)
 
 
 class FormulaRunner:

@@ -6,17 +6,19 @@ import pickle
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sqlalchemy as sa
-from conftest import both
+from conftest import ThreadsPool, both
 
-from pdlab import batch, packing
-from pdlab.batch import Progress, Runner
+from pdlab import packing
+from pdlab.batch import chunks, driving, jobs, pools
+from pdlab.batch.pools import ProcessPool
+from pdlab.batch.progress import Progress
+from pdlab.batch.runner import Runner, cores
 from pdlab.errors import NotAtRest, WorkersLost
 from pdlab.models import Run, RunState
 from pdlab.specimen import Packing, Species, Specimen, with_seeds
@@ -31,13 +33,9 @@ def target(opened: Store) -> Store:
     return opened
 
 
-def threads(workers: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(workers)
-
-
 def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(target: Store, tmp_path: Path) -> None:
     shown: list[Progress] = []
-    runner = Runner(target, 2, shown.append, threads=min(2, batch.cores()))
+    runner = Runner(target, ProcessPool(2), shown.append, threads=min(2, cores()))
     out = runner([*TRIO, TRIO[0]])
     assert runner.simulated == 3
     assert out[0] == out[3]
@@ -49,20 +47,21 @@ def test_spawned_processes_give_the_bytes_of_this_one_and_each_run_is_kept(targe
     assert state is not None
     assert np.array_equal(np.load(io.BytesIO(state.archive))["place"], here.place)
     assert shown[0] == Progress(3, 0, 0, 0.0)
-    assert shown[-1] == Progress(3, 0, 3, 1.0)
+    assert replace(shown[-1], sphere_steps=0) == Progress(3, 0, 3, 1.0)
+    assert shown[-1].sphere_steps == sum(100 * packing.steps for packing in out[:3] if isinstance(packing, Packing))
     assert [progress.share for progress in shown] == sorted(progress.share for progress in shown)
 
 
 @both
 def test_a_run_in_the_store_is_read_and_a_deleted_one_repeated_with_the_same_result(target: Store) -> None:
-    first = Runner(target, 1, make_pool=threads)(TRIO)
-    again = Runner(target, 1, make_pool=threads)
+    first = Runner(target, ThreadsPool(1))(TRIO)
+    again = Runner(target, ThreadsPool(1))
     assert again(TRIO) == first
     assert (again.simulated, again.read) == (0, 3)
     assert isinstance(first[1], Packing)
     with target.write() as session:
         session.execute(sa.delete(Run).where(Run.specimen_hash == first[1].digest))
-    third = Runner(target, 1, make_pool=threads)
+    third = Runner(target, ThreadsPool(1))
     repeated = third(TRIO)
     assert (third.simulated, third.read) == (1, 2)
     assert isinstance(repeated[1], Packing)
@@ -71,8 +70,8 @@ def test_a_run_in_the_store_is_read_and_a_deleted_one_repeated_with_the_same_res
 
 def test_short_chunks_change_no_result(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = packing.measure(SMALL, packing.advance(SMALL, None, 10**9), 0.0)
-    monkeypatch.setattr(batch, "CHUNK", 37_000)
-    cut = Runner(target, 1, make_pool=threads)([SMALL])[0]
+    monkeypatch.setattr(jobs, "CHUNK", 37_000)
+    cut = Runner(target, ThreadsPool(1))([SMALL])[0]
     assert isinstance(cut, Packing)
     assert replace(cut, seconds=0.0) == whole
 
@@ -89,8 +88,8 @@ def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
         return real(specimen, state, steps)
 
     monkeypatch.setattr(packing, "advance", advance)
-    monkeypatch.setattr(batch, "CHUNK", 100_000)
-    good, bad, other = Runner(target, 1, make_pool=threads)(TRIO)
+    monkeypatch.setattr(jobs, "CHUNK", 100_000)
+    good, bad, other = Runner(target, ThreadsPool(1))(TRIO)
     assert isinstance(good, Packing)
     assert isinstance(other, Packing)
     assert isinstance(bad, NotAtRest)
@@ -99,14 +98,14 @@ def test_a_run_that_fails_is_kept_with_its_reason_and_stops_no_other(
         assert failed.error == "the bed still moves"
         assert session.get(RunState, failed.specimen_hash) is not None
     monkeypatch.setattr(packing, "advance", real)
-    repeated = Runner(target, 1, make_pool=threads)(TRIO)  # a failure is tried again
+    repeated = Runner(target, ThreadsPool(1))(TRIO)  # a failure is tried again
     assert isinstance(repeated[1], Packing)
 
 
 @both
 def test_a_bed_that_does_not_come_to_rest_keeps_its_last_state(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packing.simulation, "PATIENCE", 0.5)
-    (bad,) = Runner(target, 1, make_pool=threads)([SMALL])
+    (bad,) = Runner(target, ThreadsPool(1))([SMALL])
     assert isinstance(bad, NotAtRest)
     with target.read() as session:
         kept = session.get(RunState, SMALL.digest(packing.VERSION))
@@ -125,9 +124,9 @@ def test_an_error_from_a_worker_brings_its_state_along() -> None:
 
 
 def test_progress_tells_steps_energy_balance_and_rises(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[batch.Progress] = []
-    monkeypatch.setattr(batch, "CHUNK", 40_000)
-    Runner(target, 1, told.append, make_pool=threads)([SMALL])
+    told: list[Progress] = []
+    monkeypatch.setattr(jobs, "CHUNK", 40_000)
+    Runner(target, ThreadsPool(1), told.append)([SMALL])
     beds = [bed for progress in told for bed in progress.beds]
     assert len(beds) > 5
     assert [bed.steps for bed in beds] == sorted({bed.steps for bed in beds})
@@ -139,53 +138,75 @@ def test_progress_tells_steps_energy_balance_and_rises(target: Store, monkeypatc
     assert shares[-1] == 1.0
 
 
-def dies_once(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> batch.Advanced:
+def dies_once(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> chunks.Advanced:
     """Kill the first worker process that works on seed 2."""
     mark = Path(os.environ["PDLAB_TEST_MARK"])
     if specimen.seed == 2 and not mark.exists():
         mark.touch()
         os._exit(9)
-    return batch_advance(specimen, state, steps)
+    return chunks.advance(specimen, state, steps)
 
 
-batch_advance = batch.advance
-
-
-def dies(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> batch.Advanced:
+def dies(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> chunks.Advanced:
     """Kill the worker process."""
     os._exit(9)
+
+
+def dies_of_the_second(specimen: Specimen, state: packing.State | None, steps: int, threads: int) -> chunks.Advanced:
+    """Kill every worker process that works on seed 2."""
+    if specimen.seed == 2:
+        os._exit(9)
+    return chunks.advance(specimen, state, steps)
 
 
 def test_a_worker_that_dies_costs_a_chunk_and_no_result(
     target: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PDLAB_TEST_MARK", str(tmp_path / "mark"))
-    monkeypatch.setattr(batch, "advance", dies_once)
-    runner = Runner(target, 2)
+    monkeypatch.setattr(pools, "advance", dies_once)
+    runner = Runner(target, ProcessPool(2))
     assert all(isinstance(outcome, Packing) for outcome in runner(TRIO))
     assert (tmp_path / "mark").exists()
     assert runner.simulated == 3
+    runner.close()
 
 
 def test_workers_that_die_again_and_again_end_with_a_named_error(
     target: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(batch, "advance", dies)
-    with pytest.raises(WorkersLost, match="3 pools of worker processes died"):
-        Runner(target, 1)(TRIO[:1])
+    monkeypatch.setattr(driving, "LOST", 100)
+    monkeypatch.setattr(pools, "advance", dies)
+    with pytest.raises(WorkersLost, match="died 8 times in a row without finishing a chunk"):
+        Runner(target, ProcessPool(1))(TRIO[:1])
+
+
+def test_a_bed_that_kills_its_workers_fails_alone(target: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pools, "advance", dies_of_the_second)
+    runner = Runner(target, ProcessPool(2))
+    first, second, third = runner(TRIO)
+    assert isinstance(first, Packing)
+    assert isinstance(third, Packing)
+    assert isinstance(second, WorkersLost)
+    assert "its worker died 4 times in a row" in str(second)
+    with target.read() as session:
+        states = {run.seed: run.state for run in session.scalars(sa.select(Run))}
+    assert states == {1: "done", 2: "failed", 3: "done"}
+    runner.close()
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
 def test_workers_do_not_outlive_a_runner_that_was_killed(tmp_path: Path) -> None:
     code = (
-        "from pathlib import Path; import os, time; from pdlab import batch\n"
+        "import time; from pdlab.batch import pools; from test_batch import SMALL\n"
         "if __name__ == '__main__':\n"
-        "    pool = batch.spawn_pool(1); pid = pool.submit(os.getpid).result()\n"
-        "    print(pid, flush=True); time.sleep(60)\n"
+        "    pool = pools.ProcessPool(1); pool.submit(SMALL, None, 10, 1).result()\n"
+        "    print(*pool._executor._processes, flush=True); time.sleep(60)\n"
     )
     script = tmp_path / "script.py"
     script.write_text(code)
-    runner = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    paths = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"PYTHONPATH": paths}
+    runner = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=environment)
     assert runner.stdout is not None
     worker = Path("/proc") / runner.stdout.readline().strip()
     assert worker.is_dir()

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from conftest import ThreadsPool
 
 from pdlab import Lab
-from pdlab.batch import Runner
+from pdlab.batch.runner import Runner
 from pdlab.lab import SHIPPED
 
 Folder = Callable[..., Path]
@@ -239,7 +240,6 @@ def test_lab_takes_a_path_one_name_and_refuses_an_empty_frame(small_lab: Path, m
 @pytest.fixture(scope="module")
 def bed_lab(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     """A store with a bed at rest, one that does not come to rest, and two runs without a bed; the beds' hashes."""
-    from concurrent.futures import ThreadPoolExecutor
 
     from pdlab import packing
     from pdlab.models import Run
@@ -250,7 +250,7 @@ def bed_lab(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     restless = Specimen((Species(1.0, 0.3, 100),), 4.0, 5)
     folder = tmp_path_factory.mktemp("beds")
     target = open_store(str(folder / "pdlab.db"))
-    runner = Runner(target, 1, make_pool=ThreadPoolExecutor)
+    runner = Runner(target, ThreadsPool(1))
     runner([mixed])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(packing.simulation, "PATIENCE", 0.5)

@@ -2,16 +2,15 @@
 
 import json
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
-from conftest import FormulaRunner
+from conftest import FormulaRunner, ThreadsPool
 from test_cli import pdlab, refused
 
 from pdlab import Lab, cli, experiments, packing
-from pdlab.batch import Runner
+from pdlab.batch.runner import Runner
 from pdlab.errors import InputError
 from pdlab.lab import SHIPPED
 from pdlab.models import Run
@@ -79,7 +78,7 @@ def test_verify_ends_with_exit_code_1_where_a_run_differs_and_names_it(tmp_path:
     assert pdlab("verify", folder=tmp_path).stdout.endswith("no runs yet\n")
     target = open_store(str(tmp_path / "pdlab.db"))
     beds = with_seeds(Specimen((Species(1.0, 0.3, 100),), 4.0, 1), [1, 2, 3])
-    Runner(target, 1, make_pool=ThreadPoolExecutor)(beds)
+    Runner(target, ThreadsPool(1))(beds)
     done = pdlab("verify", "--sample", "2", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "2 runs: 2 equal\ndrawn by --seed " in done.stdout

@@ -7,24 +7,22 @@ import signal
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
-from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pytest
 import sqlalchemy as sa
-from conftest import both, formula_packing
+from conftest import FormulaPool, both
 from sqlalchemy.orm import Session
 
-from pdlab import batch, experiments, packing
-from pdlab.dem import bed
+from pdlab import experiments
+from pdlab.batch.names import is_gone
+from pdlab.batch.runner import Runner
+from pdlab.batch.working import predict
 from pdlab.models import Aggregate, Base, Run
-from pdlab.specimen import Packing, Specimen, equal_spheres
+from pdlab.specimen import equal_spheres
 from pdlab.store import Store, find_aggregate, open_store, save_run
 from pdlab.tables import read_frames
 
@@ -33,26 +31,6 @@ LONGEST = 0.5
 """Seconds after its first acknowledgement within which a writer is killed."""
 GROUP = 10
 """Aggregates of one import."""
-
-
-class InlinePool(Executor):
-    """Runs what it is given at once, in this process."""
-
-    def submit(self, call: Callable[..., Any], /, *args: Any, **more: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(call(*args, **more))
-        return future
-
-
-def at_rest(specimen: Specimen, state: object, steps: int, threads: int) -> batch.Advanced:
-    """Stands for the engine: a bed that rests at once."""
-    state = replace(bed.rest_free(np.full((4, 4), 0.5), np.zeros(4)), rest="still")
-    return state, packing.Progress(steps, 1.0, 0.0, 0.0), 0.0
-
-
-def formula_measure(specimen: Specimen, state: object, seconds: float) -> Packing:
-    """Stands for the bed's measures."""
-    return replace(formula_packing(specimen), digest=specimen.digest(packing.VERSION), engine_version=packing.VERSION)
 
 
 def import_group(target: Store, number: int) -> list[str]:
@@ -102,13 +80,12 @@ def acknowledge(pipe: int) -> None:
 
 def write_until_killed(url: str, pipe: int, number: int) -> None:
     """Import, calibrate and predict, group after group, and acknowledge what is kept."""
-    batch.advance, batch.packing.measure = at_rest, formula_measure
     target = open_store(url)
-    runner = batch.Runner(target, 1, make_pool=lambda _: InlinePool())
+    runner = Runner(target, FormulaPool())
     acknowledge(pipe)
     while True:
         blends = import_group(target, number)
-        experiments.predict(target, runner, blends, experiments.Way(seeds=8))
+        predict(runner, blends, experiments.Way(seeds=8))
         number += 1
 
 
@@ -151,8 +128,10 @@ def check_store(url: str, acknowledged: list[tuple[str, list[Any]]]) -> None:
         assert set(groups.values()) <= {GROUP}, "an import is there in part"
         for kind in ("run", "calibration", "prediction"):
             table = Base.metadata.tables[kind]
-            unfinished = session.scalars(sa.select(table.c.state).where(table.c.state != "done")).all()
-            assert not unfinished, f"{kind}: {unfinished[:3]}"
+            states = Counter(session.scalars(sa.select(table.c.state)))
+            assert states.keys() <= {"done", "queued", "running"}, f"{kind}: {states}"
+            held = session.scalars(sa.select(table.c.claimed_by).where(table.c.state == "running").distinct())
+            assert all(is_gone(name) for name in held), f"{kind}: a lease must be waited for"
     target.close()
 
 

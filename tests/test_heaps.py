@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import sqlalchemy as sa
+from conftest import ThreadsPool
 
 from pdlab import bedfiles, packing
-from pdlab.batch import Repeater, Runner
+from pdlab.batch.runner import Repeater, Runner
 from pdlab.experiments import verify
 from pdlab.lab import Lab
 from pdlab.models import Run, RunState
@@ -28,7 +28,7 @@ HEAP = heap_spheres(0.3, 1, wall_friction=0.4, protocol=SMALL)
 def heaped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Store, Packing]]:
     """A store with one small heap by the engine, and what the runner said of it."""
     target = open_store(str(tmp_path_factory.mktemp("heap") / "lab.db"))
-    (said,) = Runner(target, 1, make_pool=ThreadPoolExecutor)([HEAP])
+    (said,) = Runner(target, ThreadsPool(1))([HEAP])
     assert isinstance(said, Packing)
     yield target, said
     target.close()
@@ -52,7 +52,7 @@ def test_a_heap_in_the_store_has_its_angle_and_bed_and_no_packing_density(heaped
 
 def test_a_heap_is_read_from_the_store_as_it_came_out_and_never_run_again(heaped: tuple[Store, Packing]) -> None:
     target, said = heaped
-    again = Runner(target, 1, make_pool=ThreadPoolExecutor)
+    again = Runner(target, ThreadsPool(1))
     (read,) = again([HEAP])
     assert again.simulated == 0
     assert isinstance(read, Packing)
@@ -62,7 +62,7 @@ def test_a_heap_is_read_from_the_store_as_it_came_out_and_never_run_again(heaped
 
 def test_a_heap_repeats_to_the_bit(heaped: tuple[Store, Packing]) -> None:
     target, said = heaped
-    again = Repeater(target, 1, make_pool=ThreadPoolExecutor)
+    again = Repeater(target, ThreadsPool(1))
     (found,) = verify(target, again.repeat, again.engine_version)
     assert (found.verdict, found.quantity, found.message) == ("equal", "repose_angle_deg", "")
     assert found.stored == found.repeated == said.repose_angle_deg

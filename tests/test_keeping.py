@@ -25,7 +25,7 @@ from pdlab.models import (
     SieveResult,
     now,
 )
-from pdlab.store import Store
+from pdlab.store import Store, keeping
 from pdlab.tables import read_path
 
 TABLES = {
@@ -107,6 +107,19 @@ def test_the_sizes_of_a_sieve_analysis_follow_its_results_alone(compared: Store)
     check_kept(compared)
     rows = rows_of(compared, "aggregates", ["aggregate=pebbles L"], ["finest_mm", "coarsest_mm", "diameter_mm"])
     assert rows == [(40.64, 50.0, pytest.approx((40.64 * 50.0) ** 0.5))]
+
+
+def test_a_mixture_more_has_none_of_the_others_compared_anew(
+    compared: Store, folder: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    anew: list[int] = []
+    compare = keeping.compare
+    monkeypatch.setattr(keeping, "compare", lambda session, ids: (anew.extend(ids), compare(session, ids)))
+    text = "mixture,aggregate,solid_volume_share\nB+A 1:9,A,0.1\nB+A 1:9,B,0.9\n"
+    register(compared, read_path(folder(mixtures=text) / "mixtures.csv"))
+    with compared.read() as session:
+        assert anew == list(session.scalars(sa.select(Mixture.id).where(Mixture.name == "B+A 1:9")))
+    check_kept(compared)
 
 
 def test_what_is_kept_for_the_lists_follows_statements_too(compared: Store) -> None:

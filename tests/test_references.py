@@ -5,16 +5,16 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from conftest import ThreadsPool
 
 from pdlab import experiments
-from pdlab.batch import Repeater, Runner
+from pdlab.batch.runner import Repeater, Runner
 from pdlab.errors import InputError
 from pdlab.experiments import (
     REFERENCES,
@@ -73,7 +73,7 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Store, Runn
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
     target = open_store(str(folder / "lab.db"))
     register(target, read_path(folder))
-    runner = Runner(target, 2, make_pool=ThreadPoolExecutor)
+    runner = Runner(target, ThreadsPool(2))
     yield target, runner
     runner.close()
     target.close()
@@ -124,7 +124,7 @@ def test_asked_for_again_it_is_read(real: tuple[Store, Runner]) -> None:
 def test_placed_beds_repeat_to_the_bit(opened: Store) -> None:
     kinds = (Species(1.0, 0.0, 60), Species(0.5, 0.0, 480))
     beds = [Specimen(kinds, 5.0, seed, Protocol(method)) for method in PLACED for seed in (1, 2)]
-    runner, again = (one(opened, 2, make_pool=ThreadPoolExecutor) for one in (Runner, Repeater))
+    runner, again = (one(opened, ThreadsPool(2)) for one in (Runner, Repeater))
     runner(beds)
     found = verify(opened, again.repeat, again.engine_version)
     assert [(one.verdict, one.message) for one in found] == [("equal", "")] * 4

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from openpyxl import Workbook
 
 from pdlab.errors import PdlabError, TableError
-from pdlab.experiments import register
+from pdlab.experiments import register, register_each
 from pdlab.lab import SHIPPED
-from pdlab.models import Base
+from pdlab.models import Base, Mixture, MixtureComponent
 from pdlab.store import Store
-from pdlab.tables import LAYOUT, Tables, read_frames, read_path
+from pdlab.tables import LAYOUT, Tables, read_frames, read_path, slices_of_frame
 
 Folder = Callable[..., Path]
 TEST = "material,compaction,voids_percent\n"
@@ -105,6 +105,87 @@ def test_problems_of_a_workbook_stand_in_the_order_of_its_tables(store: Store, t
         "lab.xlsx, sheet aggregates",
         "lab.xlsx, sheet mixtures",
     ]
+
+
+def blends(count: int, shares: tuple[str, str] = ("0.4", "0.6")) -> pd.DataFrame:
+    """A frame of mixtures of two of the shipped aggregates."""
+    lines = [(f"mix {k}", name, share) for k in range(count) for name, share in zip("LM", shares, strict=True)]
+    frame = pd.DataFrame(lines, columns=["mixture", "aggregate", "solid_volume_share"])
+    return frame.assign(aggregate="pebbles " + frame["aggregate"])
+
+
+@pytest.mark.parametrize("new", [True, False], ids=["new", "equal"])
+def test_an_import_reads_as_often_for_many_mixtures_as_for_few(pebbles: Store, new: bool) -> None:
+    taken = []
+    for count in (10, 300):
+        frame = blends(count)
+        brought = read_frames({"mixtures": frame.assign(mixture=frame["mixture"] + f" of {count}")})
+        if not new:
+            register(pebbles, brought)
+        statements: list[str] = []
+
+        def counting(*said: Any, into: list[str] = statements) -> None:
+            into += [said[2]] if said[2].startswith("SELECT") else []
+
+        sa.event.listen(pebbles.writer, "before_cursor_execute", counting)
+        done = register(pebbles, brought)
+        sa.event.remove(pebbles.writer, "before_cursor_execute", counting)
+        assert (done.new["mixtures"], done.equal) == ((count, 0) if new else (0, count))
+        taken.append(len(statements))
+    assert taken[0] == taken[1] > 0
+
+
+def test_each_mixture_that_can_be_is_registered_and_each_other_says_why(pebbles: Store) -> None:
+    first, second = (part for part in slices_of_frame(blends(4), 2))
+    keys = register_each(pebbles, first)
+    assert register_each(pebbles, first) == keys
+    lines = [("mix 0", "pebbles L", 0.4), ("mix 0", "pebbles M", 0.6), ("mix 1", "pebbles L", 0.5),
+             ("mix 1", "pebbles M", 0.5), ("unknown", "pebbles X", 1), ("no delivery", "pebbles L", 1),
+             ("no density", "light", 1), ("off", "pebbles L", 0.5), ("last", "pebbles L", 1)]  # fmt: skip
+    table = pd.DataFrame(lines, columns=["mixture", "aggregate", "solid_volume_share"])
+    table["mass_share"] = table["solid_volume_share"].where(table["mixture"] == "no density")
+    table["solid_volume_share"] = table["solid_volume_share"].where(table["mixture"] != "no density")
+    table["delivery"] = table["mixture"].map({"no delivery": "May"})
+    register(pebbles, read_frames({"aggregates": pd.DataFrame({"name": ["light"]})}))
+    (part,) = slices_of_frame(table)
+    found = dict(zip((brought.name for brought in part.mixtures), register_each(pebbles, part), strict=True))
+    said = {name: str(key).removeprefix("mixtures frame, ") for name, key in found.items() if not isinstance(key, int)}
+    assert said == {
+        "mix 1": "row 4, column mixture: mixture 'mix 1' is there with other shares or aggregates; give this one "
+        "another name",
+        "unknown": "row 6, column aggregate: no aggregate named 'pebbles X'; add it to aggregates.csv or correct the "
+        "name",
+        "no delivery": "row 7, column delivery: no delivery 'May' of aggregate 'pebbles L' (it has: ''); name one in "
+        "the column delivery",
+        "no density": "row 8, column mass_share: mixture 'no density' gives shares by mass, which needs a particle "
+        "density of each aggregate; enter it or give solid_volume_share",
+        "off": "row 9, column solid_volume_share: the shares of mixture 'off' sum to 0.5, more than 0.0011 off 1; "
+        "correct them",
+    }
+    assert found["mix 0"] == keys[0]
+    assert len({*keys, found["last"], *register_each(pebbles, second)}) == 5
+    with pebbles.read() as session:
+        names = {key: session.get_one(Mixture, key).name for key in found.values() if isinstance(key, int)}
+    assert names == {found[name]: name for name in ("mix 0", "last")}
+
+
+def test_mixtures_of_a_slice_are_those_that_an_import_makes(pebbles: Store) -> None:
+    densities = {"name": ["pebbles L", "pebbles M"], "particle_density_kg_m3": [2650.0, 2500.0]}
+    register(pebbles, read_frames({"aggregates": pd.DataFrame(densities).assign(density_basis="oven_dry")}))
+    brought = blends(3, ("0.3", "0.7")).rename(columns={"solid_volume_share": "mass_share"})
+    rows = sa.select(MixtureComponent).order_by(MixtureComponent.mixture_id, MixtureComponent.position)
+    with pebbles.read() as session:
+        before = len(session.scalars(rows).all())
+    (part,) = slices_of_frame(brought)
+    register_each(pebbles, part)
+    register(pebbles, read_frames({"mixtures": brought.assign(mixture=brought["mixture"] + " too")}))
+    with pebbles.read() as session:
+        made = [
+            (row.position, row.aggregate_id, row.solid_volume_share, row.mass_share) for row in session.scalars(rows)
+        ]
+    assert made[before : before + 6] == made[before + 6 :]
+    assert made[-1][3] == 0.7
+    assert made[-1][2] > 0.7
 
 
 CELLS = st.sampled_from(

@@ -4,16 +4,16 @@ import io
 import json
 import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from conftest import ThreadsPool
 
 from pdlab import packing
-from pdlab.batch import Repeater, Runner
+from pdlab.batch.runner import Repeater, Runner
 from pdlab.errors import InputError
 from pdlab.experiments import Verified, verify
 from pdlab.models import Run, RunState
@@ -30,7 +30,7 @@ def six_beds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with four beds of one specimen and two of another, by the engine."""
     path = tmp_path_factory.mktemp("beds") / "lab.db"
     target = open_store(str(path))
-    done = Runner(target, 1, make_pool=ThreadPoolExecutor)(with_seeds(SMALL, [1, 2, 3, 4]) + with_seeds(OTHER, [1, 2]))
+    done = Runner(target, ThreadsPool(1))(with_seeds(SMALL, [1, 2, 3, 4]) + with_seeds(OTHER, [1, 2]))
     assert all(isinstance(one, Packing) for one in done)
     target.close()
     return path
@@ -43,7 +43,7 @@ def beds(six_beds: Path, tmp_path: Path) -> Store:
 
 
 def repeated(target: Store, *arguments: Any, **more: Any) -> dict[str, Verified]:
-    again = Repeater(target, 1, make_pool=ThreadPoolExecutor)
+    again = Repeater(target, ThreadsPool(1))
     found = verify(target, again.repeat, again.engine_version, *arguments, **more)
     again.close()
     return {one.specimen_hash: one for one in found}
@@ -155,7 +155,7 @@ def test_with_fewer_than_four_seeds_the_deviation_is_pooled_and_that_is_said(bed
 
 def test_without_two_seeds_of_anything_nothing_is_judged(tmp_path: Path) -> None:
     target = open_store(str(tmp_path / "lab.db"))
-    Runner(target, 1, make_pool=ThreadPoolExecutor)([SMALL])
+    Runner(target, ThreadsPool(1))([SMALL])
     spoil(target, SMALL.digest(packing.VERSION), processor="z80")
     (found,) = verify(target, stored(target), packing.VERSION)
     assert found.verdict == "not judged"

@@ -4,28 +4,38 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 """
 
 from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
-from pdlab.experiments.calibrations import CalibrationReport, calibrate
+from pdlab.experiments.calibrations import CalibrationReport, calibrate, to_calibrate
 from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.lists import counted, listed
-from pdlab.experiments.predictions import predict
+from pdlab.experiments.predictions import answered, predict, to_predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
-from pdlab.experiments.registration import Registered, register
+from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.ways import METHODS, Way
+from pdlab.experiments.wishes import (
+    Asked,
+    Report,
+    answering,
+    ask_calibrations,
+    ask_predictions,
+    cancel,
+    report_on,
+)
 from pdlab.plan import RunAll
 
 __all__ = [
     "CHOICES",
     "METHODS",
     "REFERENCES",
+    "Asked",
     "Assumed",
     "CalibrationReport",
     "Compared",
@@ -36,14 +46,20 @@ __all__ = [
     "PredictionReport",
     "Refreshed",
     "Registered",
+    "Report",
     "RunAll",
     "Sheet",
     "Summary",
     "Theoretical",
     "Verified",
     "Way",
+    "answered",
+    "answering",
+    "ask_calibrations",
+    "ask_predictions",
     "by_theory",
     "calibrate",
+    "cancel",
     "compare",
     "comparisons",
     "correct",
@@ -55,8 +71,12 @@ __all__ = [
     "predict",
     "refresh",
     "register",
+    "register_each",
+    "report_on",
     "sheet",
     "show",
     "summaries",
+    "to_calibrate",
+    "to_predict",
     "verify",
 ]

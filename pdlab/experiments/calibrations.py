@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from pdlab import calibration, store
 from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING, Curve, Ladder, Met
 from pdlab.density import MeasuredPacking
-from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge
+from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge, StoreError
 from pdlab.experiments.curves import Curves
 from pdlab.experiments.opening import Open, open_calibration
 from pdlab.experiments.readings import measured_test, particle_density, protocol_of_text
@@ -76,7 +76,14 @@ def calibrate(
     usual are asked for. Runs are shared: what is simulated for one aggregate serves the curve of the next. Raises
     UnknownName, and InputError for a geometric reference.
     """
-    if way is not None and way.method in REFERENCES:
+    way = way or Way()
+    rows = to_calibrate(target, names, way)
+    return finish(calibrating(target, rows, way, run_all.engine_version), run_all)
+
+
+def to_calibrate(target: Store, names: Sequence[str], way: Way) -> list[Aggregate]:
+    """Return the named aggregates, or all. Raises UnknownName, and InputError for none and for a reference."""
+    if way.method in REFERENCES:
         raise InputError(
             f"'{way.method}' is a geometric reference and calibrates nothing; use {', '.join((*METHODS, *OTHERS))}"
         )
@@ -84,7 +91,7 @@ def calibrate(
         rows = store.aggregates(session, names)
     if not rows:
         raise InputError("the store holds no aggregate yet; import some, or run 'pdlab demo'")
-    return finish(calibrating(target, rows, way or Way(), run_all.engine_version), run_all)
+    return rows
 
 
 def calibrating(
@@ -134,6 +141,8 @@ def _work_out(target: Store, waiting: list[Open], curves: Curves) -> Plan[None]:
     for one in fresh:
         try:
             curves.load([one.ladder()])
+        except StoreError:
+            raise
         except SpecimenTooLarge as error:
             one.error = _too_large(one, error)
         except PdlabError as error:

@@ -49,11 +49,16 @@ def predict(
     its report. Raises UnknownName.
     """
     way = way or Way()
+    return finish(predicting(target, to_predict(target, names), way, run_all.engine_version), run_all)
+
+
+def to_predict(target: Store, names: Sequence[str]) -> list[Mixture]:
+    """Return the named mixtures, or all. Raises UnknownName, and InputError for none."""
     with target.read() as session:
         rows = store.mixtures(session, names)
     if not rows:
         raise InputError("the store holds no mixture yet; import some, or run 'pdlab demo'")
-    return finish(predicting(target, rows, way, run_all.engine_version), run_all)
+    return rows
 
 
 def predicting(

@@ -1,4 +1,7 @@
-"""What users bring → rows: everything of an import, or nothing."""
+"""What users bring → rows: everything of an import, or nothing; of a table of mixtures each that can be.
+
+What the store holds of the names that were brought is read first, all at once; what is new is written at the end.
+"""
 
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -10,7 +13,7 @@ from pdlab.errors import DensityError, Problem, TableError
 from pdlab.experiments.readings import mean_density, measured_test, particle_density, sieve_table
 from pdlab.models import Aggregate, Mixture, MixtureComponent, PackingTest, SieveAnalysis, SieveResult
 from pdlab.store import Store
-from pdlab.tables import DENSITY_KINDS, LAYOUT, MixtureRecord, Row, SieveRecord, Tables
+from pdlab.tables import DENSITY_KINDS, LAYOUT, Brought, MixtureRecord, Row, SieveRecord, Slice, Tables
 
 _Test = TypeVar("_Test", SieveAnalysis, PackingTest)
 TABLES = ("aggregates", "aggregates completed", "sieve analyses", "density tests", "mixtures")
@@ -40,14 +43,17 @@ class Registered:
 class _Import:
     """One import on its way: the session, what was brought, what is wrong, what was made.
 
-    ``matched``: the stored tests that a brought one is or equals; each equals one at most, so that a history
-    with two equal tests in it is brought whole. ``last``: by material, where its test that was brought last
-    stands, and whether it is the newest.
+    ``aggregates``, by name and delivery, and ``mixtures``: those that were named, stored or brought. ``matched``: the
+    stored tests that a brought one is or equals; each equals one at most, so that a history with two equal tests in
+    it is brought whole. ``last``: by material, where its test that was brought last stands, and whether it is the
+    newest.
     """
 
     session: Session
     tables: Tables
     problems: list[Problem]
+    aggregates: dict[str, dict[str, Aggregate]]
+    mixtures: dict[str, Mixture]
     done: Registered = field(default_factory=Registered)
     matched: set[object] = field(default_factory=set)
     last: dict[tuple[str, Aggregate | Mixture], tuple[Row, bool]] = field(default_factory=dict)
@@ -59,9 +65,10 @@ def register(target: Store, tables: Tables, dry_run: bool = False) -> Registered
     Raises TableError with every problem at once.
     """
     with target.write() as session:
-        work = _Import(session, tables, list(tables.problems))
+        work = _begin(session, tables)
         for row in tables.aggregates:
             _register_aggregate(work, row)
+        session.flush()
         for record in tables.sieves:
             _register_sieves(work, record)
         for blend in tables.mixtures:
@@ -71,9 +78,49 @@ def register(target: Store, tables: Tables, dry_run: bool = False) -> Registered
         _note_old_ones(work)
         if work.problems:
             raise TableError(sorted(work.problems, key=lambda found: (_order(found.file), found.row or 0)))
+        session.flush()
         if dry_run:
             session.rollback()
     return work.done
+
+
+def register_each(target: Store, part: Slice) -> list[int | TableError]:
+    """Write each mixture of a slice that can be, all in one transaction; none stops another.
+
+    Returns, in order, the key of each one's row, new or equal to what was there, or why it has none.
+    """
+    with target.write() as session:
+        work = _begin(session, Tables(mixtures=[one.record for one in part.mixtures if one.record is not None]))
+        found = [_register_brought(work, one) for one in part.mixtures]
+        session.flush()
+        return [row if isinstance(row, TableError) else row.id for row in found]
+
+
+def _register_brought(work: _Import, brought: Brought) -> Mixture | TableError:
+    """Make a mixture, or find the equal one that is there; or say what is wrong with it."""
+    if brought.record is None:
+        return TableError(list(brought.problems))
+    row = _register_mixture(work, brought.record)
+    if row is not None:
+        return row
+    error = TableError(list(work.problems))
+    work.problems.clear()
+    return error
+
+
+def _begin(session: Session, tables: Tables) -> _Import:
+    """Read what the store holds of all that is named."""
+    materials = {_named_material(row)[1] for row in tables.packing_tests}
+    aggregates = {row.cells["name"] for row in tables.aggregates} | {record.aggregate for record in tables.sieves}
+    aggregates |= {name for record in tables.mixtures for name, _ in record.aggregates} | materials
+    mixtures = {record.name for record in tables.mixtures} | materials
+    return _Import(
+        session,
+        tables,
+        list(tables.problems),
+        store.aggregates_named(session, sorted(aggregates)),
+        store.mixtures_named(session, sorted(mixtures), with_tests=bool(materials)),
+    )
 
 
 def _order(file: str) -> int:
@@ -85,7 +132,8 @@ def _order(file: str) -> int:
 def _register_aggregate(work: _Import, row: Row) -> None:
     """Make an aggregate, or fill what was empty in the one that is there; nothing is overwritten."""
     cells = {**row.cells, "delivery": row.cells["delivery"] or ""}
-    there = store.find_aggregate(work.session, cells["name"], cells["delivery"], exact=True)
+    deliveries = work.aggregates.get(cells["name"], {})
+    there = store.choose_delivery(deliveries, cells["delivery"], exact=True)
     given = {column: value for column, value in cells.items() if value is not None}
     empty = {column for column in given if there is None or getattr(there, column) is None}
     for column in given.keys() - empty:
@@ -96,7 +144,7 @@ def _register_aggregate(work: _Import, row: Row) -> None:
             )
             work.problems.append(row.problem(message, column))
             return
-    target = there or Aggregate(**cells)
+    target = there or Aggregate(**cells, sieve_analyses=[], packing_tests=[])
     for column in empty:
         setattr(target, column, given[column])
     try:
@@ -104,19 +152,21 @@ def _register_aggregate(work: _Import, row: Row) -> None:
     except DensityError as error:
         work.problems.append(row.problem(str(error), "particle_density_kg_m3"))
         work.tables.named_aggregates.add((cells["name"], cells["delivery"]))
-        work.session.expire_all()
+        for column in empty:
+            setattr(target, column, None)
         return
     if there is None:
-        store.add_all(work.session, [target])
+        work.session.add(target)
+        work.aggregates[cells["name"]] = {**deliveries, cells["delivery"]: target}
     table = "aggregates completed" if there is not None and empty else "aggregates"
     work.done.count(table, there is None or bool(empty), cells["name"])
 
 
 def _find(work: _Import, row: Row, name: str, delivery: str) -> Aggregate | None:
     """Return an aggregate; None, and a problem unless its own row is reported already, where there is none."""
-    found = store.find_aggregate(work.session, name, delivery)
+    others = work.aggregates.get(name, {})
+    found = store.choose_delivery(others, delivery)
     if found is None and not work.tables.excuses_aggregate(name, delivery):
-        others = store.deliveries(work.session, name)
         if others:
             message = (
                 f"no delivery '{delivery}' of aggregate '{name}' (it has: {', '.join(map(repr, others))}); "
@@ -162,7 +212,6 @@ def _keep_test(
     there = next((old for old in equal if old not in work.matched), None)
     if there is None:
         rows.append(made)
-        work.session.flush()
     work.matched.add(there or made)
     work.last[table, material] = (place, (there or made) is rows[-1])
     work.done.count(table, there is None, material.name)
@@ -179,29 +228,33 @@ def _note_old_ones(work: _Import) -> None:
             work.done.notes.append(str(place.problem(message)))
 
 
-def _register_mixture(work: _Import, record: MixtureRecord) -> None:
+def _register_mixture(work: _Import, record: MixtureRecord) -> Mixture | None:
+    """Make a mixture, or find the equal one that is there; None, and a problem, where it cannot be."""
     parts = [found for name, delivery in record.aggregates if (found := _find(work, record.first, name, delivery))]
     shares = _solid_shares(work, record, parts) if len(parts) == len(record.shares) else None
     if shares is None:
         work.tables.named_mixtures.add(record.name)
-        return
-    there = store.find_mixture(work.session, record.name)
+        return None
+    there = work.mixtures.get(record.name)
     work.done.count("mixtures", there is None, record.name)
     if there is None:
         components = [
             MixtureComponent(
-                position=k, aggregate_id=part.id, solid_volume_share=share,
+                position=k, aggregate=part, aggregate_id=part.id, solid_volume_share=share,
                 mass_share=record.shares[k] if record.by_mass else None,
             )
             for k, (part, share) in enumerate(zip(parts, shares, strict=True))
         ]  # fmt: skip
-        store.add_all(work.session, [Mixture(name=record.name, components=components)])
-        return
+        made = work.mixtures[record.name] = Mixture(name=record.name, components=components, packing_tests=[])
+        work.session.add(made)
+        return made
     before = {part.aggregate_id: part.solid_volume_share for part in there.components}
     after = {part.id: share for part, share in zip(parts, shares, strict=True)}
     if before.keys() != after.keys() or any(abs(before[key] - after[key]) > 1e-9 for key in before):
         message = f"mixture '{record.name}' is there with other shares or aggregates; give this one another name"
         work.problems.append(record.first.problem(message, "mixture"))
+        return None
+    return there
 
 
 def _solid_shares(work: _Import, record: MixtureRecord, parts: list[Aggregate]) -> list[float] | None:
@@ -223,19 +276,25 @@ def _solid_shares(work: _Import, record: MixtureRecord, parts: list[Aggregate]) 
     return density.solid_volume_shares(list(record.shares), [float(value or 0.0) for value in densities])
 
 
+def _named_material(row: Row) -> tuple[str, str]:
+    """Return what a density test names: aggregate, mixture or '' where it does not say which, and the name."""
+    named = row.cells["material"]
+    kind, name = named.split(":", 1) if named.startswith(("aggregate:", "mixture:")) else ("", named)
+    return kind, name.strip()
+
+
 def _material(work: _Import, row: Row) -> Aggregate | Mixture | None:
     """Return the aggregate or mixture that a density test names; None, and a problem, where there is none."""
-    named, delivery = row.cells["material"], row.cells["delivery"] or ""
-    kind, name = named.split(":", 1) if named.startswith(("aggregate:", "mixture:")) else ("", named)
-    name = name.strip()
-    aggregate = store.find_aggregate(work.session, name, delivery) if kind != "mixture" else None
-    blend = store.find_mixture(work.session, name) if kind != "aggregate" else None
+    (kind, name), delivery = _named_material(row), row.cells["delivery"] or ""
+    deliveries = work.aggregates.get(name, {}) if kind != "mixture" else {}
+    aggregate = store.choose_delivery(deliveries, delivery)
+    blend = work.mixtures.get(name) if kind != "aggregate" else None
     if aggregate is not None and blend is not None:
         message = f"'{name}' names an aggregate and a mixture; write aggregate:{name} or mixture:{name}"
         work.problems.append(row.problem(message, "material"))
         return None
     if aggregate is None and blend is None:
-        if kind != "mixture" and store.deliveries(work.session, name):
+        if deliveries:
             return _find(work, row, name, delivery)
         excused = kind != "mixture" and work.tables.excuses_aggregate(name, delivery)
         if not excused and not (kind != "aggregate" and work.tables.excuses_mixture(name)):

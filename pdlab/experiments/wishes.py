@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 from pdlab import store
-from pdlab.errors import InputError, PdlabError, UnknownName
+from pdlab.errors import InputError, PdlabError, StoreError, UnknownName
 from pdlab.experiments.calibrations import CalibrationReport, calibrating, calibration_report
 from pdlab.experiments.opening import open_calibration
 from pdlab.experiments.predictions import answered, predicting
@@ -17,19 +18,26 @@ from pdlab.store import Claim, Key, Store
 Report = CalibrationReport | PredictionReport
 
 
-@dataclass(frozen=True)
-class Asked:
-    """What a call asks for, by aggregate or mixture: the reports that are there, and the wishes for the others."""
+R = TypeVar("R", CalibrationReport, PredictionReport)
 
-    reports: Mapping[int, Report]
+
+@dataclass(frozen=True)
+class Asked(Generic[R]):
+    """What a call asks for, by aggregate or mixture: the reports that are there, and the wishes for the others.
+
+    ``own``: the wishes that were not there already.
+    """
+
+    reports: Mapping[int, R]
     wishes: Mapping[int, Key]
+    own: Sequence[Key]
 
 
 def ask_calibrations(
     target: Store, rows: Sequence[Aggregate], way: Way, engine_version: int, priority: int = 0
-) -> Asked:
+) -> Asked[CalibrationReport]:
     """Read calibrations of aggregates, or work them out of the curves that are there; wish for the others."""
-    reports, asked = dict[int, Report](), list[tuple[int, dict[str, object]]]()
+    reports, asked = dict[int, CalibrationReport](), list[tuple[int, dict[str, object]]]()
     for row in rows:
         found = at_once(calibrating(target, [row], way, engine_version))
         if found is not None:
@@ -38,22 +46,29 @@ def ask_calibrations(
             facts = open_calibration(row, way).facts()
             asked.append((row.id, facts | {"method": way.method, "asked": way.text(), "priority": priority}))
     same = ("aggregate_id", "method", "variant", "asked", "sieve_analysis_id", "packing_test_id")
+    if not asked:
+        return Asked(reports, {}, ())
     with target.write() as session:
-        ids = store.ask(session, "calibration", [facts for _, facts in asked], same) if asked else []
+        ids, own = store.ask(session, "calibration", [facts for _, facts in asked], same)
     wishes = {key: ("calibration", wish) for (key, _), wish in zip(asked, ids, strict=True)}
-    return Asked(reports, wishes)
+    return Asked(reports, wishes, [("calibration", wish) for wish in own])
 
 
-def ask_predictions(target: Store, rows: Sequence[Mixture], way: Way, engine_version: int, priority: int = 0) -> Asked:
+def ask_predictions(
+    target: Store, rows: Sequence[Mixture], way: Way, engine_version: int, priority: int = 0
+) -> Asked[PredictionReport]:
     """Read the predictions of mixtures that are there; wish for the others."""
     reports = answered(target, rows, way, engine_version)
     missing = [row.id for row in rows if row.id not in reports]
+    if not missing:
+        return Asked(reports, {}, ())
     facts = {"method": way.method, "variant": way.variant, "asked": way.text(), "priority": priority, "protocol": ""}
     with target.write() as session:
         same = ("mixture_id", "method", "variant", "asked")
         wished = [facts | {"mixture_id": key} for key in missing]
-        ids = store.ask(session, "prediction", wished, same) if missing else []
-    return Asked(reports, {key: ("prediction", wish) for key, wish in zip(missing, ids, strict=True)})
+        ids, own = store.ask(session, "prediction", wished, same)
+    wishes = {key: ("prediction", wish) for key, wish in zip(missing, ids, strict=True)}
+    return Asked(reports, wishes, [("prediction", wish) for wish in own])
 
 
 def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Report]:
@@ -68,6 +83,8 @@ def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Re
             report: Report = yield from _calibrating(target, claim, engine_version)
         else:
             report = yield from _predicting(target, claim, engine_version)
+    except StoreError:
+        raise
     except InputError as error:  # what was asked for is gone or cannot be
         with target.write() as session:
             store.end_wish(session, key, who, "failed", str(error))

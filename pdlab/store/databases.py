@@ -14,7 +14,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.pool import StaticPool
 
-from pdlab.errors import StoreError
+from pdlab.errors import StoreAway, StoreError
 
 DEFAULT_URL = "sqlite:///pdlab.db"
 LOCK_TIMEOUT = 30.0
@@ -47,6 +47,13 @@ REMEDIES = (
     ("invalid connection option|invalid .* value", "correct what stands behind the '?' of the address"),
 )
 """What drivers say, as regular expressions, and what to do about it."""
+
+
+AWAY = (
+    "database is locked|lock timeout|refused|timeout|unreachable|No such file|terminat|closed the connection|"
+    "connection is closed|starting up|shutting down|could not receive|Connection reset|Broken pipe|recovery mode"
+)
+"""What drivers say of a database that may answer later, as a regular expression."""
 
 
 def store_url(given: str | os.PathLike[str] | None) -> str:
@@ -224,4 +231,5 @@ def refusal(name: str, error: BaseException | None) -> StoreError:
     advice = remedy(error) or "end what else uses it, allow reading and writing it, or choose another --store"
     if "file is not a database" in reason(error):
         return StoreError(f"{name} is no pdlab store ({reason(error)}); {advice}")
-    return StoreError(f"the store {name} cannot be used ({reason(error)}); {advice}")
+    kind = StoreAway if re.search(AWAY, reason(error), re.IGNORECASE) else StoreError
+    return kind(f"the store {name} cannot be used ({reason(error)}); {advice}")

@@ -26,7 +26,11 @@ READ = (
 
 @dataclass
 class _Written:
-    """What a session wrote: the mixtures and aggregates that its rows belong to; ``at_large``: rows not told apart."""
+    """What a session wrote: the mixtures and aggregates that its rows belong to; ``at_large``: rows not told apart.
+
+    A row of a mixture says nothing of the aggregates that it names, or a mixture more would have all others that hold
+    one of its aggregates compared anew.
+    """
 
     mixtures: set[int] = field(default_factory=set)
     aggregates: set[int] = field(default_factory=set)
@@ -36,8 +40,10 @@ class _Written:
         for row in (*session.new, *session.dirty, *session.deleted):
             mixture = row.id if isinstance(row, Mixture) else getattr(row, "mixture_id", None)
             aggregate = row.id if isinstance(row, Aggregate) else getattr(row, "aggregate_id", None)
-            self.mixtures |= set() if mixture is None else {mixture}
-            self.aggregates |= set() if aggregate is None else {aggregate}
+            if mixture is not None:
+                self.mixtures.add(mixture)
+            elif aggregate is not None:
+                self.aggregates.add(aggregate)
 
     def note_statement(self, state: ORMExecuteState) -> None:
         changes = state.is_insert or state.is_update or state.is_delete

@@ -1,7 +1,7 @@
 """The only SELECTs."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
@@ -71,9 +71,35 @@ def find_aggregate(session: Session, name: str, delivery: str, exact: bool = Fal
     An empty delivery is the one without a name, or, unless ``exact``, the only one there is.
     """
     found = {row.delivery: row for row in session.scalars(sa.select(Aggregate).where(Aggregate.name == name))}
+    return choose_delivery(found, delivery, exact)
+
+
+def choose_delivery(found: Mapping[str, Aggregate], delivery: str, exact: bool = False) -> Aggregate | None:
+    """Return one of an aggregate's deliveries, as ``find_aggregate`` does; ``found``: all of them, by their names."""
     if not exact and not delivery and delivery not in found and len(found) == 1:
         return next(iter(found.values()))
     return found.get(delivery)
+
+
+def aggregates_named(session: Session, names: Sequence[str]) -> dict[str, dict[str, Aggregate]]:
+    """Return all deliveries of those of the named aggregates that the store holds, with their tests.
+
+    By name and delivery, the deliveries in the order of their coming.
+    """
+    out = dict[str, dict[str, Aggregate]]()
+    query = sa.select(Aggregate).options(*_WITH_TESTS).order_by(Aggregate.id)
+    for row in (row for part in parts(names) for row in session.scalars(query.where(Aggregate.name.in_(part)))):
+        out.setdefault(row.name, {})[row.delivery] = row
+    return out
+
+
+def mixtures_named(session: Session, names: Sequence[str], with_tests: bool = False) -> dict[str, Mixture]:
+    """Return those of the named mixtures that the store holds, by name, with their components."""
+    query = sa.select(Mixture).options(selectinload(Mixture.components).selectinload(MixtureComponent.aggregate))
+    if with_tests:
+        query = query.options(selectinload(Mixture.packing_tests))
+    found = (row for part in parts(names) for row in session.scalars(query.where(Mixture.name.in_(part))))
+    return {row.name: row for row in found}
 
 
 def deliveries(session: Session, name: str) -> list[str]:

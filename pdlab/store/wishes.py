@@ -47,20 +47,26 @@ def claimed(session: Session, table: type[Wished], claim: Claim) -> Wished:
     return row
 
 
-def ask(session: Session, kind: str, rows: Sequence[Mapping[str, Any]], same: Sequence[str]) -> list[int]:
-    """Write wishes; return their ids in order. One that waits already with the ``same`` columns is not asked twice."""
+def ask(
+    session: Session, kind: str, rows: Sequence[Mapping[str, Any]], same: Sequence[str]
+) -> tuple[list[int], list[int]]:
+    """Write wishes; return their ids in order, and of these the new ones.
+
+    One that waits already with the ``same`` columns is not asked twice.
+    """
     table = KINDS[kind]
     columns = [getattr(table, name) for name in same]
     waiting = sa.select(table.id, *columns).where(table.state.in_(WAITING))
     known = {tuple(row[1:]): row[0] for row in session.execute(waiting)}
     keys = [tuple(row[name] for name in same) for row in rows]
     new = {key: dict(row) for key, row in zip(keys, rows, strict=True) if key not in known}
+    ids = list[int]()
     if new:
         moment = {"state": "queued", "requested_at": now(), "priority": 0, "progress": 0.0, "variant": ""}
         insert = sa.insert(table).returning(table.id, sort_by_parameter_order=True)
-        ids = session.scalars(insert, [moment | row for row in new.values()], execution_options=UNCOMPARED)
+        ids += session.scalars(insert, [moment | row for row in new.values()], execution_options=UNCOMPARED)
         known |= dict(zip(new, ids, strict=True))
-    return [known[key] for key in keys]
+    return [known[key] for key in keys], ids
 
 
 def claim_wishes(
@@ -131,10 +137,10 @@ def end_wish(session: Session, key: Key, who: str, state: str, message: str | No
 
 
 def release(session: Session, who: str) -> None:
-    """Let go of all that a runner holds: wishes wait again, runs are free."""
-    for table, state in (*((table, "queued") for table in KINDS.values()), (Run, "queued")):
+    """Let go of the wishes that a runner holds: they wait again."""
+    for table in KINDS.values():
         mine = sa.update(table).where(table.claimed_by == who, table.state == "running")
-        change = mine.values(state=state, claimed_by=None, heartbeat=None)
+        change = mine.values(state="queued", claimed_by=None, heartbeat=None, progress=0.0)
         session.execute(change, execution_options=UNCOMPARED | {"synchronize_session": False})
 
 
@@ -184,3 +190,14 @@ def claim_runs(
             out[row.specimen_hash] = before, bed
         before.state, before.claimed_by, before.heartbeat = "running", who, now()
     return out
+
+
+def free_runs(session: Session, digests: Sequence[str], who: str) -> None:
+    """Leave runs that a runner holds to others; those of which no bed is kept have not begun, and are forgotten."""
+    mine = sa.and_(Run.specimen_hash.in_(digests), Run.claimed_by == who, Run.state == "running")
+    begun = sa.select(RunState.specimen_hash).where(RunState.specimen_hash == Run.specimen_hash).exists()
+    options = UNCOMPARED | {"synchronize_session": False}
+    session.execute(sa.delete(Run).where(mine, ~begun), execution_options=options)
+    session.execute(
+        sa.update(Run).where(mine).values(state="queued", claimed_by=None, heartbeat=None), execution_options=options
+    )

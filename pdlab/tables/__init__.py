@@ -15,6 +15,7 @@ from pdlab.tables.layout import (
     Tables,
 )
 from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
+from pdlab.tables.slicing import Brought, Slice, Slices, slices, slices_of_frame
 from pdlab.tables.writing import check_target, write_tables
 
 __all__ = [
@@ -22,12 +23,15 @@ __all__ = [
     "DENSITY_UNITS",
     "LAYOUT",
     "SHARE_KINDS",
+    "Brought",
     "Condition",
     "MixtureRecord",
     "ParseError",
     "PastedRow",
     "Row",
     "SieveRecord",
+    "Slice",
+    "Slices",
     "Tables",
     "above_zero",
     "check_columns",
@@ -42,6 +46,8 @@ __all__ = [
     "read_frames",
     "read_pasted",
     "read_path",
+    "slices",
+    "slices_of_frame",
     "split_pasted",
     "write_tables",
 ]

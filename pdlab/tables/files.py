@@ -1,8 +1,9 @@
 """CSV files, Excel workbooks and pandas frames → records, with every problem by file, row and column."""
 
+import codecs
 import csv
-import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from pdlab.tables.records import Rows, gather
 from pdlab.tables.sheets import Sheet, kind_of, read_sheet
 from pdlab.tables.workbooks import WORKBOOK, read_workbook
 
+BLOCK, FRAME_LINES = 1 << 16, 1000
+"""Bytes of a file, and lines of a frame, that are taken at once."""
 OTHER_BOOKS = (".xls", ".xlsb", ".ods", ".numbers")
 
 
@@ -24,7 +27,7 @@ def read_path(path: Path) -> Tables:
     What is wrong inside the tables is gathered in ``Tables.problems``.
     """
     out, rows = Tables(), Rows()
-    for kind, file in _files(path, out):
+    for kind, file in files_at(path, out):
         sheets = read_workbook(file, out) if file.suffix.lower() == WORKBOOK else [(kind, _read_csv(file, out))]
         for name, sheet in sheets:
             if sheet is not None:
@@ -34,7 +37,7 @@ def read_path(path: Path) -> Tables:
     return gather(rows, out)
 
 
-def _files(path: Path, out: Tables) -> list[tuple[str, Path]]:
+def files_at(path: Path, out: Tables) -> list[tuple[str, Path]]:
     """Return the tables at a path with their kind, empty where the header must tell it."""
     try:
         if path.is_file() and path.suffix.lower() in OTHER_BOOKS:
@@ -69,48 +72,87 @@ def read_frames(frames: dict[str, pd.DataFrame]) -> Tables:
     """Read tables from pandas frames by their names, as if they had been files' text."""
     out, rows = Tables(), Rows()
     for kind, frame in frames.items():
-        text = frame.astype(object).where(frame.notna(), "").map(_frame_text)
-        lines = [(k + 2, list(line)) for k, line in enumerate(text.itertuples(index=False, name=None))]
-        header = [str(name).strip() for name in frame.columns]
-        read_sheet(Sheet(f"{kind} frame", header, lines), kind, rows, out)
+        read_sheet(Sheet(f"{kind} frame", header_of(frame.columns), list(frame_lines(frame))), kind, rows, out)
     return gather(rows, out)
+
+
+def header_of(names: Iterable[Any]) -> list[str]:
+    """Return a table's header as text without blanks around."""
+    return [str(name).strip() for name in names]
+
+
+def frame_lines(frame: pd.DataFrame) -> Iterator[tuple[int, list[str]]]:
+    """Give each line of a frame as text with its row number, as if it had been a file's."""
+    for begin in range(0, len(frame), FRAME_LINES):
+        part = frame.iloc[begin : begin + FRAME_LINES]
+        text = part.astype(object).where(part.notna(), "").map(_frame_text)
+        for k, line in enumerate(text.itertuples(index=False, name=None), begin + 2):
+            yield k, list(line)
 
 
 def _frame_text(value: Any) -> str:
     return Typed(value) if isinstance(value, float) else str(value)
 
 
-def _decode(content: bytes) -> str:
-    """Return a file's text: UTF-8 with or without BOM, else the Western European code page."""
+def encoding_of(file: Path) -> str:
+    """Return how a file is to be decoded: UTF-8 with or without BOM, else the Western European code page.
+
+    The file is read through in blocks, so that the table is as large as it likes. Raises OSError.
+    """
+    decode = codecs.getincrementaldecoder("utf-8-sig")()
     try:
-        return content.decode("utf-8-sig")
+        with file.open("rb") as stream:
+            while block := stream.read(BLOCK):
+                decode.decode(block)
+        decode.decode(b"", final=True)
     except UnicodeDecodeError:
-        return content.decode("cp1252")
+        return "cp1252"
+    return "utf-8-sig"
+
+
+def csv_lines(file: Path, encoding: str) -> Iterator[tuple[int, list[str]]]:
+    """Give each line of a CSV file that is not blank, the header among them, with the row in which it begins.
+
+    The header tells the separator. Raises UnicodeDecodeError, csv.Error and OSError.
+    """
+    with file.open(encoding=encoding, newline="") as stream:
+        separator = max(",;\t", key=stream.readline().count)
+        stream.seek(0)
+        reader = csv.reader(stream, delimiter=separator, skipinitialspace=True, strict=True)
+        begins = 1
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                yield begins, cells
+            begins = reader.line_num + 1
+
+
+@contextmanager
+def csv_problems(file: Path) -> Iterator[None]:
+    """Turn what is wrong with a CSV file as a whole into a TableError."""
+    try:
+        yield
+    except (UnicodeDecodeError, csv.Error) as error:
+        message = f"this is no table ({error}); save it as CSV in UTF-8"
+        raise TableError([Problem(file.name, None, None, message)]) from error
+    except OSError as error:
+        message = f"it cannot be read ({error.strerror}); allow reading it"
+        raise TableError([Problem(file.name, None, None, message)]) from error
+
+
+def no_table(file: Path) -> Problem:
+    """Return the problem of a file without a header."""
+    return Problem(file.name, None, None, "this is no table (it is empty); give it a header row")
 
 
 def _read_csv(file: Path, out: Tables) -> Sheet | None:
     """Return a CSV file's cells as text; None, and a problem, where it is no table."""
     try:
-        text = _decode(file.read_bytes())
-        separator = max(",;\t", key=text.split("\n", 1)[0].count)
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True, strict=True)
-        numbered = list(_numbered(reader))
-    except (UnicodeDecodeError, csv.Error) as error:
-        out.problems.append(Problem(file.name, None, None, f"this is no table ({error}); save it as CSV in UTF-8"))
-        return None
-    except OSError as error:
-        out.problems.append(Problem(file.name, None, None, f"it cannot be read ({error.strerror}); allow reading it"))
+        with csv_problems(file):
+            numbered = list(csv_lines(file, encoding_of(file)))
+    except TableError as error:
+        out.problems += error.problems
         return None
     if not numbered:
-        out.problems.append(Problem(file.name, None, None, "this is no table (it is empty); give it a header row"))
+        out.problems.append(no_table(file))
         return None
-    return Sheet(file.name, [name.strip() for name in numbered[0][1]], numbered[1:])
-
-
-def _numbered(reader: Any) -> Iterator[tuple[int, list[str]]]:
-    """Give each line that is not blank with the row in which it begins."""
-    begins = 1
-    for cells in reader:
-        if any(cell.strip() for cell in cells):
-            yield begins, cells
-        begins = reader.line_num + 1
+    return Sheet(file.name, header_of(numbered[0][1]), numbered[1:])

@@ -40,7 +40,7 @@ def gather(rows: Rows, out: Tables) -> Tables:
         for analysis in _analyses(group, out.problems):
             _gather_sieves(analysis, out)
     for group in _groups(rows.of("mixtures"), "mixture"):
-        _gather_mixture(group, out)
+        gather_mixture(group, out)
     return out
 
 
@@ -121,7 +121,8 @@ def _gather_sieves(group: list[Row], out: Tables) -> None:
         )
 
 
-def _gather_mixture(group: list[Row], out: Tables) -> None:
+def gather_mixture(group: list[Row], out: Tables) -> None:
+    """Make a record of the rows of one mixture, or say what speaks against it."""
     before, first, name = len(out.problems), group[0], group[0].cells["mixture"]
     kind = _kind_of_group(group, SHARE_KINDS, out.problems)
     rows = [row for row in group if row.sound]

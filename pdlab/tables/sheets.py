@@ -12,6 +12,8 @@ from pdlab.tables.cells import ParseError, Unread, decimal_comma, refuse_dotted
 from pdlab.tables.layout import LAYOUT, MARKS, Column, Row, Tables
 from pdlab.tables.records import Rows
 
+EMPTY = "the table is empty; fill it or leave it out"
+
 
 @dataclass(frozen=True)
 class Sheet:
@@ -29,29 +31,48 @@ def kind_of(header: list[str]) -> str:
 
 def read_sheet(sheet: Sheet, kind: str, rows: Rows, out: Tables) -> None:
     """Parse every cell of a table; append its rows and problems."""
-    wrong = [Problem(sheet.file, 1, name, message) for name, message in _check_header(sheet.header, kind)]
+    out.problems += header_problems(sheet.file, sheet.header, kind)
     if kind and not sheet.lines:
-        wrong.append(Problem(sheet.file, None, None, "the table is empty; fill it or leave it out"))
-    out.problems += wrong
+        out.problems.append(Problem(sheet.file, None, None, EMPTY))
     if any(name not in sheet.header for name, column in LAYOUT.get(kind, {}).items() if column.required) or not kind:
         out.unreadable.add(kind)
         return
-    columns = [k for k, name in enumerate(sheet.header) if name in LAYOUT[kind] and LAYOUT[kind][name].number]
+    columns = number_columns(sheet.header, kind)
     comma = decimal_comma(cells[k] for _, cells in sheet.lines for k in columns if k < len(cells))
     for line, cells in sheet.lines:
-        extra = [cell for cell in cells[len(sheet.header) :] if cell.strip()]
-        if extra or len(cells) < len(sheet.header):
-            message = (
-                f"{len(cells)} cells under {len(sheet.header)} columns; put a text with the separator in quotes, and "
-                "use semicolons between cells with decimal commas"
-            )
-            out.problems.append(Problem(sheet.file, line, None, message))
-        for name, cell in zip(sheet.header, cells, strict=False):
-            if cell.strip() and not name:
-                message = f"'{cell.strip()}' stands under no heading; head its column or delete it"
-                out.problems.append(Problem(sheet.file, line, None, message))
-        raw = {name: cell for name, cell in zip(sheet.header, cells, strict=False) if name in LAYOUT[kind]}
-        rows.of(kind).append(_parse_row(LAYOUT[kind], Row(sheet.file, line, {}, raw, not extra), comma, out))
+        rows.of(kind).append(parse_line(sheet.file, sheet.header, kind, line, cells, comma, out))
+
+
+def header_problems(file: str, header: list[str], kind: str) -> list[Problem]:
+    """Return what is wrong with the header of a table of this ``kind``, empty for one that it could not tell."""
+    return [Problem(file, 1, name, message) for name, message in _check_header(header, kind)]
+
+
+def number_columns(header: list[str], kind: str) -> list[int]:
+    """Return where the columns stand that hold numbers."""
+    return [k for k, name in enumerate(header) if name in LAYOUT[kind] and LAYOUT[kind][name].number]
+
+
+def parse_line(
+    file: str, header: list[str], kind: str, line: int, cells: list[str], comma: str | None, out: Tables
+) -> Row:
+    """Return a line of a table as a row, not sound where a cell cannot be read; its problems go to ``out``.
+
+    ``comma``: a number of the table that has a decimal comma, None where none has.
+    """
+    extra = [cell for cell in cells[len(header) :] if cell.strip()]
+    if extra or len(cells) < len(header):
+        message = (
+            f"{len(cells)} cells under {len(header)} columns; put a text with the separator in quotes, and "
+            "use semicolons between cells with decimal commas"
+        )
+        out.problems.append(Problem(file, line, None, message))
+    for name, cell in zip(header, cells, strict=False):
+        if cell.strip() and not name:
+            message = f"'{cell.strip()}' stands under no heading; head its column or delete it"
+            out.problems.append(Problem(file, line, None, message))
+    raw = {name: cell for name, cell in zip(header, cells, strict=False) if name in LAYOUT[kind]}
+    return _parse_row(LAYOUT[kind], Row(file, line, {}, raw, not extra), comma, out)
 
 
 def _check_header(header: list[str], kind: str) -> Iterator[tuple[str | None, str]]:

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from pdlab.batch import Runner
+from pdlab.batch.runner import Runner
 from pdlab.mixture import Part, sensitivities
 from pdlab.specimen import Component, Packing, equal_spheres, mixed_spheres
 from pdlab.store import open_store

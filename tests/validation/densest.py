@@ -14,7 +14,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from pdlab.batch import Runner
+from pdlab.batch.pools import open_pool
+from pdlab.batch.runner import Runner
 from pdlab.mixture import Part, next_specimens, scatter
 from pdlab.plan import finish
 from pdlab.specimen import Packing, Specimen, on_grid
@@ -128,7 +129,7 @@ def main(
     workers: int = 1,
 ) -> None:
     """Sweep, run the reference, and print the tables."""
-    runner, chosen = Runner(open_store(store), workers), CASES[case]
+    runner, chosen = Runner(open_store(store), open_pool(workers)), CASES[case]
     print(f"### {chosen.name}\n")
     found = sweeps(runner, chosen, range(1, repeats + 1))
     best = reference(runner, chosen, found[0])

@@ -14,7 +14,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from pdlab.batch import Progress, Runner
+from pdlab.batch.progress import Progress
+from pdlab.batch.runner import Runner
 from pdlab.packing import VERSION
 from pdlab.specimen import LOOSE, Packing, Protocol, equal_spheres
 from pdlab.store import open_store

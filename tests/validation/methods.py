@@ -14,7 +14,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pdlab import Lab, calibration, grading
-from pdlab.batch import Progress
+from pdlab.batch.progress import Progress
 from pdlab.calibration import GRADED, MONOSIZED, NODES, ROLLING, Ladder
 from pdlab.experiments import Compared, PredictionReport, by_theory, summaries
 from pdlab.experiments.assumptions import RULES

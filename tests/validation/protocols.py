@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from pdlab.batch import Runner
+from pdlab.batch.runner import Runner
 from pdlab.errors import EngineError
 from pdlab.packing import VERSION
 from pdlab.specimen import (

@@ -12,7 +12,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from pdlab.batch import Progress, Runner
+from pdlab.batch.progress import Progress
+from pdlab.batch.runner import Runner
 from pdlab.calibration import NODES, REPOSE, Ladder
 from pdlab.packing import VERSION
 from pdlab.specimen import REPOSE as LIFTED

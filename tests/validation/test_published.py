@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pdlab.batch import Runner
+from pdlab.batch.runner import Runner
 from pdlab.specimen import Packing, Protocol, equal_spheres
 from pdlab.store import open_store
 
