@@ -14,7 +14,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from pdlab.batch.pools import open_pool
+from pdlab.batch.pools import ProcessPool
 from pdlab.batch.runner import Runner
 from pdlab.mixture import Part, next_specimens, scatter
 from pdlab.plan import finish
@@ -129,7 +129,7 @@ def main(
     workers: int = 1,
 ) -> None:
     """Sweep, run the reference, and print the tables."""
-    runner, chosen = Runner(open_store(store), open_pool(workers)), CASES[case]
+    runner, chosen = Runner(open_store(store), ProcessPool(workers)), CASES[case]
     print(f"### {chosen.name}\n")
     found = sweeps(runner, chosen, range(1, repeats + 1))
     best = reference(runner, chosen, found[0])
