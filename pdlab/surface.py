@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdlab.errors import ShareError
-
 Floats = NDArray[np.float64]
 
 STEPS = {2: 100, 3: 40, 4: 20, 5: 10}
@@ -36,9 +34,7 @@ TIE = 9
 
 
 def share_grid(aggregates: int) -> Floats:
-    """Return all proportions on the grid, shape (M, S), each row summing to 1. Raises ShareError."""
-    if aggregates not in STEPS:
-        raise ShareError(f"a sweep goes over {min(STEPS)} to {max(STEPS)} aggregates, not {aggregates}; name so many")
+    """Return all proportions on the grid, shape (M, S), each row summing to 1."""
     steps = STEPS[aggregates]
     cuts = itertools.combinations(range(steps + aggregates - 1), aggregates - 1)
     bars = np.array([(-1, *cut, steps + aggregates - 1) for cut in cuts])

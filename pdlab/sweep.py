@@ -188,6 +188,20 @@ class _Sweep:
         return float(surface.deviation[at]) <= wished_error and densest.to_gain <= TIMES * wished_error
 
 
+def check_aggregates(aggregates: int) -> None:
+    """Raise ShareError unless the proportions of so many aggregates can be swept."""
+    if aggregates not in MOST:
+        raise ShareError(f"a sweep goes over {min(MOST)} to {max(MOST)} aggregates, not {aggregates}; name so many")
+
+
+def check_wish(wished_error: float, most_specimens: int) -> None:
+    """Raise InputError unless a sweep with this wished error [-] and so many beds can end."""
+    if not wished_error > 0.0 or most_specimens < 1:
+        raise InputError(
+            f"a wished error of {wished_error:g} and {most_specimens} beds at most end no sweep; take both above 0"
+        )
+
+
 def sweeping(
     parts: Sequence[Part],
     wished_error: float = WISHED_ERROR,
@@ -208,8 +222,7 @@ def sweeping(
     order = sorted(range(len(parts)), key=lambda k: _rank(parts[k]))  # the answer does not depend on the parts' order
     one = _opened([parts[k] for k in order], seed)
     most = MOST[len(parts)] if most_specimens is None else most_specimens
-    if not wished_error > 0.0 or most < 1:
-        raise InputError(f"a wished error of {wished_error:g} and {most} beds at most end no sweep; take both above 0")
+    check_wish(wished_error, most)
     surface = one.surface()
     wanted = one.next(surface, min(FIRST * len(parts), most))
     while wanted:
@@ -244,6 +257,7 @@ def _swept(one: _Sweep, surface: Surface, test: NextTest | None, wished_error: f
 
 def _opened(parts: list[Part], seed: int) -> _Sweep:
     """Return a sweep of which no bed is run yet. Raises as ``sweeping`` does."""
+    check_aggregates(len(parts))
     common_protocol(parts)
     shares = share_grid(len(parts))
     materials = [theory.Material(_diameter(part), part.packing_density) for part in parts]

@@ -17,6 +17,7 @@ from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
+from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.ways import METHODS, Way
@@ -50,6 +51,7 @@ __all__ = [
     "RunAll",
     "Sheet",
     "Summary",
+    "SweepReport",
     "Theoretical",
     "Verified",
     "Way",
@@ -76,7 +78,9 @@ __all__ = [
     "sheet",
     "show",
     "summaries",
+    "sweep_aggregates",
     "to_calibrate",
     "to_predict",
+    "to_sweep",
     "verify",
 ]

@@ -46,6 +46,7 @@ from pdlab.store.selects import (
     runs,
     save_run,
 )
+from pdlab.store.sweeps import ended_sweeps, sweeps_by_id
 from pdlab.store.wishes import (
     LEASE,
     WAITING,
@@ -98,6 +99,7 @@ __all__ = [
     "done_predictions",
     "done_runs",
     "end_wish",
+    "ended_sweeps",
     "equal_results",
     "find_aggregate",
     "find_bed",
@@ -129,6 +131,7 @@ __all__ = [
     "sieve_table",
     "sizes",
     "store_url",
+    "sweeps_by_id",
     "upgrade",
     "wish_states",
     "with_descent",
