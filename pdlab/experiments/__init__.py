@@ -27,6 +27,7 @@ from pdlab.experiments.wishes import (
     answering,
     ask_calibrations,
     ask_predictions,
+    ask_sweep,
     cancel,
     report_on,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "answering",
     "ask_calibrations",
     "ask_predictions",
+    "ask_sweep",
     "by_theory",
     "calibrate",
     "cancel",

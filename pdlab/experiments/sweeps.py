@@ -10,7 +10,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from pdlab import mixture, store, sweep
-from pdlab.errors import InputError, PdlabError
+from pdlab.errors import InputError, PdlabError, UnknownName
 from pdlab.experiments.calibrations import CalibrationReport, calibrating
 from pdlab.experiments.predictions import part_of
 from pdlab.experiments.readings import measured_mixture
@@ -301,9 +301,11 @@ def _tuples(facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def report_of(target: Store, sweep_id: int) -> SweepReport:
-    """Return a stored sweep as the report it gave."""
+    """Return a stored sweep as the report it gave. Raises UnknownName."""
     with target.read() as session:
-        (row,) = store.sweeps_by_id(session, [sweep_id])
+        row = next(iter(store.sweeps_by_id(session, [sweep_id])), None)
+    if row is None:
+        raise UnknownName(f"the store holds no sweep {sweep_id}; it was deleted: ask again")
     result = _result(row) if row.state == "done" else None
     return SweepReport(
         aggregates=tuple(part.aggregate.name for part in row.components),

@@ -46,7 +46,7 @@ from pdlab.store.selects import (
     runs,
     save_run,
 )
-from pdlab.store.sweeps import ended_sweeps, sweeps_by_id
+from pdlab.store.sweeps import ended_sweeps, sweeps_by_id, swept, waiting_sweeps
 from pdlab.store.wishes import (
     LEASE,
     WAITING,
@@ -132,7 +132,9 @@ __all__ = [
     "sizes",
     "store_url",
     "sweeps_by_id",
+    "swept",
     "upgrade",
+    "waiting_sweeps",
     "wish_states",
     "with_descent",
 ]
