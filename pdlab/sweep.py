@@ -317,8 +317,8 @@ def _next_test(one: _Sweep, surface: Surface, measured: Sequence[Measurement], m
         _tuple(one.shares[at]),
         float(wide.mean[at]),
         float(wide.deviation[at]),
-        f"of all mixes not measured yet this one tells most of the densest: a test good to {TEST_ERROR:g} would lower "
-        f"the error of the densest mix's PD, inputs and method included, from {before:.4f} to {after:.4f}",
+        f"of the mixes not measured yet it tells most: a test good to {TEST_ERROR:g} would lower the error of the densest "
+        f"mix's PD, with inputs and method, from {before:.4f} to {after:.4f}",
     )
 
 

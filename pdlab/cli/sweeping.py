@@ -94,4 +94,5 @@ def _show_next(names: Sequence[str], result: "Swept") -> None:
         print("to test next: nothing; all mixes that can be simulated are measured")
         return
     mix = ", ".join(f"{share:g} of {name}" for name, share in zip(names, test.shares, strict=True) if share > 0.0)
-    print(f"to test next: {mix}, expected at {test.packing_density:.4f} ± {test.error:.4f} (all errors): {test.why}")
+    print(f"to test next: {mix}, expected at {test.packing_density:.4f} ± {test.error:.4f} (all errors)")
+    print(f"why: {test.why}")
