@@ -103,6 +103,10 @@ class Measurement:
     shares: tuple[float, ...]
     standard_error: float = TEST_ERROR
 
+    def turned(self, order: Sequence[int]) -> "Measurement":
+        """Return the mixture with its aggregates in another order."""
+        return replace(self, shares=tuple(self.shares[k] for k in order))
+
 
 @dataclass
 class _Sweep:
@@ -212,17 +216,16 @@ def sweeping(
 ) -> Plan[Swept]:
     """Sweep the proportions of calibrated aggregates, whose shares are ignored, for the densest mix.
 
-    It ends when the standard error of the densest mix's PD is at most ``wished_error`` [-] and no other proportions are
-    likely to be denser by twice as much, or when ``most_specimens`` were asked for, each a bed of this ``seed``.
-    ``measured`` and ``method_error`` [-], of predictions against measurements, decide what to test next. A bed that
-    fails is a place without a point, and noted. Raises InputError,
-    ShareError, ProtocolError, DensityError, SpecimenTooLarge where
-    no proportions can be simulated, and EngineError where every bed failed.
+    It ends when the densest mix's PD is known to ``wished_error`` [-] and no others are likely to be denser by twice as
+    much, or with ``most_specimens``, each a bed of this ``seed``. ``measured`` and ``method_error`` [-] decide what to
+    test next. A bed that fails is a place without a point, and noted. Raises InputError, ProtocolError, DensityError,
+    SpecimenTooLarge where no proportions can be simulated, and EngineError where every bed failed.
     """
-    order = sorted(range(len(parts)), key=lambda k: _rank(parts[k]))  # the answer does not depend on the parts' order
-    one = _opened([parts[k] for k in order], seed)
+    check_aggregates(len(parts))
     most = MOST[len(parts)] if most_specimens is None else most_specimens
     check_wish(wished_error, most)
+    order = sorted(range(len(parts)), key=lambda k: _rank(parts[k]))  # on which the answer does not depend
+    one = _opened([parts[k] for k in order], seed)
     surface = one.surface()
     wanted = one.next(surface, min(FIRST * len(parts), most))
     while wanted:
@@ -232,8 +235,7 @@ def sweeping(
         wanted = one.next(surface, beds)
     if not one.done and one.failed:
         raise next(iter(one.failed.values()))
-    turned = [replace(mix, shares=tuple(mix.shares[k] for k in order)) for mix in measured]
-    test = _next_test(one, surface, turned, method_error)
+    test = _next_test(one, surface, [mix.turned(order) for mix in measured], method_error)
     return _turned(_swept(one, surface, test, wished_error), np.argsort(order))
 
 
@@ -257,7 +259,6 @@ def _swept(one: _Sweep, surface: Surface, test: NextTest | None, wished_error: f
 
 def _opened(parts: list[Part], seed: int) -> _Sweep:
     """Return a sweep of which no bed is run yet. Raises as ``sweeping`` does."""
-    check_aggregates(len(parts))
     common_protocol(parts)
     shares = share_grid(len(parts))
     materials = [theory.Material(_diameter(part), part.packing_density) for part in parts]
@@ -317,8 +318,8 @@ def _next_test(one: _Sweep, surface: Surface, measured: Sequence[Measurement], m
         _tuple(one.shares[at]),
         float(wide.mean[at]),
         float(wide.deviation[at]),
-        f"of the mixes not measured yet it tells most: a test good to {TEST_ERROR:g} would lower the error of the densest "
-        f"mix's PD, with inputs and method, from {before:.4f} to {after:.4f}",
+        f"of the mixes not measured yet it tells most: a test good to {TEST_ERROR:g} would lower the error of the "
+        f"densest mix's PD, with inputs and method, from {before:.4f} to {after:.4f}",
     )
 
 
