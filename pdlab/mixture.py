@@ -22,8 +22,8 @@ from pdlab.specimen import (
 SEEDS, MAX_SEEDS, SEED_STEP = 4, 16, 2
 STANDARD_ERROR = 0.003
 """Standard error over seeds at which no more are run."""
-SCATTER, SCATTER_LEAST = 0.0028, 0.0007
-"""Standard deviation of PD over seeds: of a bed of 2500 equal spheres, and what is left where very many bear."""
+SCATTER, SCATTER_LEAST = 0.0028, 0.0018
+"""Standard deviation of PD over seeds: of a bed of 2500 equal spheres, and what is left of it where very many bear."""
 STIFFER, STIFFEST = 2.0, 8.0
 """Factor by which contacts are made stiffer where fine spheres bear what coarse ones weigh, and its most."""
 
@@ -141,7 +141,8 @@ def scatter(parts: Sequence[Part], bed: Specimen, packing_density: float) -> flo
     solids = math.fsum(kind.count * kind.diameter**3 for kind in bed.species)
     spheres = solids * bearing.share * math.fsum(share * (largest / size) ** 3 for size, share in bearing.sizes)
     carried = bearing.share * (packing_density / bearing.packing_density) ** 2
-    return math.hypot(carried * SCATTER * math.sqrt(EQUAL_SPHERES / spheres), SCATTER_LEAST)
+    falling = (SCATTER**2 - SCATTER_LEAST**2) * EQUAL_SPHERES / spheres
+    return math.sqrt(carried**2 * falling + SCATTER_LEAST**2)
 
 
 def sensitivities(parts: Sequence[Part], packing_density: float) -> np.ndarray:

@@ -27,6 +27,8 @@ MOST = {2: 12, 3: 30, 4: 50, 5: 70}
 """Beds of a sweep at most, by the number of aggregates, where nothing else is asked for."""
 BENDS = (0.0, 0.1, 0.2, 0.3)
 """How far from Toufar's theory towards Furnas's bound, which has a corner where the voids are full, simulation is."""
+FILLED = (0.92, 1.0, 1.08)
+"""Factors on the packing densities that say where that corner lies: grains loosen each other, and the voids fill."""
 FIRST, AT_ONCE = 2, 2
 """Beds run together at first, for each aggregate; and in every later round."""
 CERTAIN, TIMES = 0.95, 2.0
@@ -261,20 +263,30 @@ def _opened(parts: list[Part], seed: int) -> _Sweep:
     """Return a sweep of which no bed is run yet. Raises as ``sweeping`` does."""
     common_protocol(parts)
     shares = share_grid(len(parts))
-    materials = [theory.Material(_diameter(part), part.packing_density) for part in parts]
-    lower, upper = theory.toufar(materials, shares), theory.furnas(materials, shares)
+    theories = _theories(parts, shares)
     beds, seeds, too_large = dict[int, Specimen](), np.zeros(len(shares)), list[InputError]()
     for at in np.setdiff1d(np.arange(len(shares)), vertices(shares)).tolist():
         mix = [replace(part, share=on_grid(share)) for part, share in zip(parts, shares[at].tolist(), strict=True)]
         present = [part for part in mix if part.share > 0.0]
         try:
             beds[at] = replace(next_specimens(present, [], seeds=1)[0], seed=seed)
-            seeds[at] = scatter(present, beds[at], float(lower[at]))
+            seeds[at] = scatter(present, beds[at], float(theories[0][at]))
         except (SpecimenTooLarge, ShareError) as error:
             too_large.append(error)
     if not beds:
         raise too_large[0]
-    return _Sweep(parts, shares, [lower + bend * (upper - lower) for bend in BENDS], beds, seeds, too_large)
+    return _Sweep(parts, shares, theories, beds, seeds, too_large)
+
+
+def _theories(parts: Sequence[Part], shares: Floats) -> list[Floats]:
+    """Return PD over the grid [-] by Toufar, and by him with so much of Furnas's bend at each of its places."""
+    toufar, bends = np.zeros(len(shares)), list[Floats]()
+    for filled in FILLED:
+        materials = [theory.Material(_diameter(part), filled * part.packing_density) for part in parts]
+        lower = theory.toufar(materials, shares)
+        bends.append(theory.furnas(materials, shares) - lower)
+        toufar = lower if filled == 1.0 else toufar
+    return [toufar, *(toufar + bend * one for bend in BENDS for one in bends if bend > 0.0)]
 
 
 def _diameter(part: Part) -> float:

@@ -63,12 +63,12 @@ def test_parts_of_several_sizes_and_of_rolling_spheres_share_one_bed() -> None:
 
 def test_a_bed_scatters_over_seeds_as_so_many_spheres_as_bear() -> None:
     alone = replace(PARTS[0], share=1.0)
-    assert mixture.scatter([alone], mixture.next_specimens([alone], [])[0], 0.6) == pytest.approx(0.0028, rel=0.05)
+    assert mixture.scatter([alone], mixture.next_specimens([alone], [])[0], 0.6) == pytest.approx(0.0028, rel=1e-3)
 
     def scatter(coarse: float) -> float:
         parts = [replace(PARTS[0], share=coarse), replace(PARTS[1], share=1.0 - coarse)]
         return mixture.scatter(parts, mixture.next_specimens(parts, [])[0], 0.65)
 
-    assert scatter(0.6) < 0.002  # thousands of fine spheres
-    coarse = 0.8 * (0.65 / 0.6) ** 2 * 0.0028 * math.sqrt(EQUAL_SPHERES / 286)  # the coarse spheres of its bed
-    assert scatter(0.8) == pytest.approx(coarse, rel=0.05)
+    assert 0.0018 < scatter(0.6) < 0.0021  # thousands of fine spheres
+    coarse = 0.8 * (0.65 / 0.6) ** 2 * 0.00214 * math.sqrt(EQUAL_SPHERES / 287)  # the coarse spheres of its bed
+    assert scatter(0.8) == pytest.approx(math.hypot(coarse, 0.0018), rel=0.01)

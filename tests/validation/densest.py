@@ -46,7 +46,7 @@ class Case:
 
 def triangle(steps: int) -> Iterator[Shares]:
     """Return the mixes of three aggregates on a coarse grid that are rich enough in the coarsest to be dense."""
-    for coarse, middle in itertools.product(range(4, 9), range(steps)):
+    for coarse, middle in itertools.product(range(5, 8), range(steps)):
         if coarse + middle <= steps:
             yield tuple(round(k / steps, 4) for k in (coarse, middle, steps - coarse - middle))
 
