@@ -140,7 +140,12 @@ class MigrationFailed(PdlabError):
 
 
 class EngineError(PdlabError):
-    """A run that gave no packing density; ``state``: its last bed, for inspection, where there is one."""
+    """A run that gave no packing density; ``state``: its last bed, for inspection, where there is one.
+
+    ``engine``: by which numba and processor, where that was told.
+    """
+
+    engine = ""
 
     def __init__(self, message: str, state: object = None) -> None:
         super().__init__(message)

@@ -274,6 +274,10 @@ def _d50(grading: Grading) -> float:
     return math.exp(float(np.interp(0.5, rising, log_aperture)))
 
 
+BEYOND = math.log(1000.0)
+"""Logarithm of how many times beyond the sieves a fitted size may lie."""
+
+
 def _rrsb_d63(grading: Grading) -> float:
     """Fit ln(-ln retained) = n (ln d - ln d63) to the sieves that neither all nor nothing passes."""
     passing, apertures = grading.passing[: grading.sieves], np.array(grading.apertures[: grading.sieves])
@@ -286,7 +290,13 @@ def _rrsb_d63(grading: Grading) -> float:
     slope, offset = np.polyfit(np.log(apertures[inside]), np.log(-np.log(1.0 - passing[inside])), 1)
     if not slope > 0.0:
         raise GradingError("the rule rrsb_d63 finds no rising line through this table; choose log_mean")
-    return math.exp(-offset / slope)
+    size = -offset / slope
+    if not -BEYOND <= size - math.log(apertures[-1]) <= math.log(apertures[0] / apertures[-1]) + BEYOND:
+        raise GradingError(
+            f"the rule rrsb_d63 finds d63 more than {math.exp(BEYOND):.0f} times beyond this table's sieves; choose "
+            "log_mean"
+        )
+    return math.exp(size)
 
 
 RULES: dict[str, Callable[[Grading], float]] = {

@@ -3,6 +3,7 @@
 import getpass
 import io
 import os
+import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -11,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pdlab import experiments, mixture, store, tables
+from pdlab.batch.many import Summary, Survey, Told, in_order, predict_table, survey
 from pdlab.batch.pools import open_pool
 from pdlab.batch.progress import Progress
 from pdlab.batch.runner import Repeater, Runner, cores
@@ -143,13 +145,70 @@ class Lab:
         UnknownName, InputError.
         """
         way = Way(method, rule, seeds, leave_out)
-        if isinstance(mixtures, pd.DataFrame):
-            brought = tables.read_frame(mixtures.dropna(how="all"), "mixtures")
-            experiments.register(self.store, brought)
-            names = [record.name for record in brought.mixtures]
-        else:
-            names = _texts(mixtures)
-        return prediction_frame(self.predict_reports(names, way))
+        if not isinstance(mixtures, pd.DataFrame):
+            return prediction_frame(self.predict_reports(_texts(mixtures), way))
+        table = tables.slices_of_frame(mixtures.dropna(how="all"))
+        told, found = dict[int, Told](), list[Survey]()
+        for one in predict_table(self.runner, table, way, found.append):
+            told[one.number] = one
+        if not any(one.fresh for one in told.values()):
+            return prediction_frame(told[number].report for number in sorted(told))
+        failed = {number: one.report for number, one in told.items() if one.report.error is not None}
+        return prediction_frame(in_order(self.runner, table, way, failed))
+
+    def plan(
+        self,
+        path: str | Path,
+        method: str = METHOD,
+        rule: str = DEFAULT_RULE,
+        seeds: int = mixture.SEEDS,
+        leave_out: float | None = None,
+    ) -> Survey:
+        """Say what ``batch`` would run of a table, and what it would cost; nothing is written.
+
+        Raises TableError, InputError.
+        """
+        table, way = tables.slices(Path(path)), Way(method, rule, seeds, leave_out)
+        return [one for one in survey(self.runner, table, way, rehearse=True) if isinstance(one, Survey)][-1]
+
+    def batch(
+        self,
+        path: str | Path,
+        output: str | Path,
+        method: str = METHOD,
+        rule: str = DEFAULT_RULE,
+        seeds: int = mixture.SEEDS,
+        leave_out: float | None = None,
+        on_survey: Callable[[Survey], None] | None = None,
+        on_row: Callable[[Told], None] | None = None,
+    ) -> Summary:
+        """Predict a table of mixtures of any length, CSV or a workbook, into a CSV file, a row for each as it comes.
+
+        What the store knows is read; a table that was stopped goes on where it was when it is begun again. A row that
+        fails says why. In the end the file is in the table's order. ``on_survey`` is called when the table has been
+        gone through, ``on_row`` for each row. Raises TableError for what is no table of mixtures, InputError for a
+        file that is there and no earlier output, StoreError, WorkersLost.
+        """
+        table, way = tables.slices(Path(path)), Way(method, rule, seeds, leave_out)
+        summary, failed, output = Summary(table.count), dict[int, PredictionReport](), Path(output)
+        begun, runs, steps = time.monotonic(), self.runner.simulated, self.runner.sphere_steps
+        try:
+            with tables.Output(output, PREDICTION_COLUMNS) as out:
+                for told in predict_table(self.runner, table, way, on_survey):
+                    out.write([_text_row(told.report)])
+                    summary.count(told)
+                    if told.report.error is not None:
+                        failed[told.number] = told.report
+                    if on_row is not None:
+                        on_row(told)
+        finally:
+            summary.runs, summary.sphere_steps = self.runner.simulated - runs, self.runner.sphere_steps - steps
+            summary.seconds = time.monotonic() - begun
+        if summary.predicted + len(failed):
+            with tables.Output(output, PREDICTION_COLUMNS) as out:
+                for report in in_order(self.runner, table, way, failed):
+                    out.write([_text_row(report)])
+        return summary
 
     def sheet(
         self,
@@ -338,13 +397,19 @@ def _texts(given: Texts) -> list[str]:
     return [given] if isinstance(given, str) else list(given)
 
 
+def prediction_row(report: PredictionReport) -> dict[str, object]:
+    """Return a report's columns; the message also says why a theory is missing."""
+    notes = [note for note in (report.message, report.theory_message) if note]
+    return {name: getattr(report, name) for name in PREDICTION_COLUMNS} | {"message": "; ".join(notes)}
+
+
+def _text_row(report: PredictionReport) -> dict[str, str]:
+    return {name: "" if value is None else str(value) for name, value in prediction_row(report).items()}
+
+
 def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:
-    """Return reports as a frame with a row each; a message also says why a theory is missing."""
-    rows = []
-    for report in reports:
-        notes = [note for note in (report.message, report.theory_message) if note]
-        rows.append({name: getattr(report, name) for name in PREDICTION_COLUMNS} | {"message": "; ".join(notes)})
-    return pd.DataFrame(rows, columns=list(PREDICTION_COLUMNS))
+    """Return reports as a frame with a row each."""
+    return pd.DataFrame([prediction_row(report) for report in reports], columns=list(PREDICTION_COLUMNS))
 
 
 def sweep_frame(report: SweepReport) -> pd.DataFrame:

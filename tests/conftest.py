@@ -204,7 +204,7 @@ class FormulaRunner:
     def __init__(self, target: Store, version: int = VERSION) -> None:
         self.target, self.engine_version, self.asked = target, version, list[str]()
 
-    def close(self) -> None:
+    def close(self, wait: bool = True) -> None:
         """End nothing: no process was started."""
 
     def __call__(self, specimens: Sequence[Specimen]) -> list[Packing]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from conftest import ThreadsPool
+from conftest import FormulaPool, ThreadsPool
 
 from pdlab import Lab
 from pdlab.batch.runner import Runner
@@ -168,14 +168,12 @@ def test_compare_refuses_what_it_cannot_compare_or_write(small_lab: Path, tmp_pa
 
 
 def test_lab_predicts_a_frame_of_mixtures(small_lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from conftest import FormulaRunner
-
     frame = pd.DataFrame(
         {"mixture": ["new"] * 2, "aggregate": ["pebbles L", "pebbles F"], "solid_volume_share": ["0,7", "0,3"]}
     )
     with Lab(str(small_lab / "pdlab.db")) as lab:
         assert isinstance(lab.runner, Runner)
-        monkeypatch.setattr(lab, "runner", FormulaRunner(lab.store))
+        monkeypatch.setattr(lab, "runner", Runner(lab.store, FormulaPool()))
         out = lab.predict(frame)
         assert list(out["mixture"]) == ["new"]
         assert 0.5 < out["packing_density"][0] < 0.75

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
-from conftest import FormulaRunner, ThreadsPool
+from conftest import FormulaPool, FormulaRunner, ThreadsPool
 from test_cli import pdlab, refused
 
 from pdlab import Lab, cli, experiments, packing
@@ -102,7 +102,7 @@ def test_refresh_prints_the_difference_and_then_finds_nothing_to_do(
     store = str(tmp_path / "pdlab.db")
     done = pdlab("ls", "predictions", folder=tmp_path)
     assert f"M+F 1:1: of engine version {packing.VERSION - 1}; run 'pdlab refresh'" in done.stdout
-    monkeypatch.setattr("pdlab.lab.Runner", lambda target, *_, **__: FormulaRunner(target))
+    monkeypatch.setattr("pdlab.lab.open_pool", lambda *_: FormulaPool())
     cli.descent.refresh(None, store)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"Calibrated and predicted again by engine version {packing.VERSION}")

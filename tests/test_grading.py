@@ -119,6 +119,12 @@ def test_an_unknown_rule_is_refused_with_the_known_ones() -> None:
         equivalent_diameter(make_grading(table(SOUND)), "mean")
 
 
+def test_a_line_that_hardly_rises_gives_no_d63() -> None:
+    held = [(40.0, 0.0), (32.0, 745.067), (16.0, 0.000263), (8.0, 254.67)]
+    with pytest.raises(GradingError, match="more than 1000 times beyond this table's sieves; choose log_mean"):
+        equivalent_diameter(make_grading(table(held)), "rrsb_d63")
+
+
 @given(
     st.lists(st.floats(0.063, 125.0), min_size=3, max_size=9, unique_by=lambda d: round(math.log(d), 3)),
     st.lists(st.floats(0.01, 1000.0), min_size=8, max_size=8),

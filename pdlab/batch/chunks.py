@@ -32,19 +32,17 @@ def advance(specimen: Specimen, state: packing.State | None, steps: int, threads
 
     Raises EngineError, with the bed as it was left.
     """
-    begun = time.perf_counter()
-    state = packing.advance(specimen, state, steps, threads)
-    engine = packing.fingerprint()
-    seconds, engine_name = time.perf_counter() - begun, f"{engine['numba']} {engine['cpu']}"
-    progress = packing.progress(specimen, state)
-    if not state.rest:
-        return Advanced(progress, seconds, engine_name, state)
+    begun, engine = time.perf_counter(), " ".join(packing.fingerprint()[name] for name in ("numba", "cpu"))
     try:
+        state = packing.advance(specimen, state, steps, threads)
+        seconds, progress = time.perf_counter() - begun, packing.progress(specimen, state)
+        if not state.rest:
+            return Advanced(progress, seconds, engine, state)
         result = packing.measure(specimen, state, seconds)
     except EngineError as error:
-        error.state = error.state or state
+        error.state, error.engine = error.state or state, engine
         raise
-    return Advanced(progress, seconds, engine_name, result=result, archive=where(state))
+    return Advanced(progress, seconds, engine, result=result, archive=where(state))
 
 
 def where(state: packing.State) -> bytes:

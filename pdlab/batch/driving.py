@@ -188,19 +188,22 @@ class Drive(Generic[T]):
             suspect = any(job.lost >= SUSPECT for job in (*self._active.values(), self._waiting[0]))
             if suspect and self._active:
                 return
-            job = self._waiting.pop(0)
-            if not job.claimed and not self._claim(job):
+            if not self._waiting[0].claimed:
+                self._claim()
                 continue
+            job = self._waiting.pop(0)
             future = self._runner.pool.submit(job.specimen, job.state, job.steps, self._runner.threads)
             self._active[future] = job
 
-    def _claim(self, job: Job) -> bool:
-        """Claim a bed; one that another runner works on, or has ended meanwhile, is looked at again later."""
-        job.claimed = bool(self._runner.patiently(lambda: self._runner.claim([job])))
-        job.kept_at = time.monotonic()
-        if not job.claimed:
-            self._elsewhere.append(job)
-        return job.claimed
+    def _claim(self) -> None:
+        """Claim the beds that are next; those that others work on, or have ended meanwhile, are looked at later."""
+        most = 2 * self._runner.pool.workers + 2
+        some = [job for job in self._waiting if not job.claimed][:most]
+        mine = set(self._runner.patiently(lambda: self._runner.claim(some)))
+        for job in some:
+            job.claimed, job.kept_at = job in mine, time.monotonic()
+        self._waiting = [job for job in self._waiting if job in mine or job not in some]
+        self._elsewhere += [job for job in some if job not in mine]
 
     def _collect(self) -> None:
         """Wait for a chunk, for a moment, and take in what has come."""
@@ -239,7 +242,9 @@ class Drive(Generic[T]):
         chunk, before = future.result(), 0 if job.progress is None else job.progress.steps  # raises what is no bed's
         job.take(chunk)
         self._lost = 0
-        self._sphere_steps += (chunk.progress.steps - before) * job.specimen.spheres
+        done = (chunk.progress.steps - before) * job.specimen.spheres
+        self._sphere_steps += done
+        self._runner.sphere_steps += done
         log.info(job.text())
         if chunk.result is not None:
             self._keep(*job.done(chunk))

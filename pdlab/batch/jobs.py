@@ -88,6 +88,8 @@ class Job:
 
     def failed(self, error: EngineError) -> tuple[Run, RunState | None]:
         """Return the rows of a run that failed and of its last bed, if there is one."""
+        if error.engine and error.engine not in self.engines:
+            self.engines.append(error.engine)
         run = self.run("failed")
         run.error = str(error)
         last = error.state if isinstance(error.state, packing.State) else self.state

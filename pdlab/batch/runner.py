@@ -41,8 +41,8 @@ class Runner:
     """Carries plans on for one store; callable as ``run_all``.
 
     ``pool``: where beds are advanced, ``threads`` threads to each. ``on_progress`` is called at the beginning and
-    after every chunk. ``simulated`` and ``read`` count runs over all calls. ``who``: the name under which it claims.
-    The workers live from the first run that is needed to ``close``.
+    after every chunk. ``simulated``, ``read`` and ``sphere_steps`` count over all calls. ``who``: the name under which
+    it claims. The workers live from the first run that is needed to ``close``.
     """
 
     target: Store
@@ -51,6 +51,7 @@ class Runner:
     threads: int = 1
     simulated: int = 0
     read: int = 0
+    sphere_steps: int = 0
     who: str = field(default_factory=own_name)
 
     @property

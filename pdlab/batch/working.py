@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from pdlab import experiments, store
 from pdlab.batch.driving import Work
@@ -19,18 +19,19 @@ log = logging.getLogger(__name__)
 R = TypeVar("R", CalibrationReport, PredictionReport)
 
 
-class _Claims:
+class Claims:
     """The wishes that a runner claims, one after the other: of these keys, or of all that there are and will be.
 
-    A wish that another runner has answered, or somebody cancelled, is told as the store has it.
+    A wish that another runner has answered, or somebody cancelled, is told as the store has it. ``own``: those that
+    are to be cancelled when the work on them is stopped.
     """
 
-    def __init__(self, runner: Runner, keys: Sequence[Key] | None) -> None:
+    def __init__(self, runner: Runner, keys: Sequence[Key] | None, own: Sequence[Key] = ()) -> None:
         self._runner, self._all = runner, keys is None
-        self.left = dict.fromkeys(keys or ())
+        self.left, self.own = dict.fromkeys(keys or ()), dict.fromkeys(own)
         self._ready = list[Work[Report]]()
 
-    def __iter__(self) -> "_Claims":
+    def __iter__(self) -> "Claims":
         return self
 
     def __next__(self) -> Work[Report] | None:
@@ -77,17 +78,23 @@ def answer(runner: Runner, keys: Sequence[Key], own: Sequence[Key] = ()) -> Iter
 
     ``own``: those that are to be cancelled when this is stopped. Raises WorkersLost, StoreError.
     """
-    claims, open_ones = _Claims(runner, keys), dict.fromkeys(own)
+    yield from answer_claims(runner, Claims(runner, keys, own))
+
+
+def answer_claims(runner: Runner, claims: Claims) -> Iterator[tuple[Any, Report | PdlabError]]:
+    """Answer the wishes of ``claims`` as ``answer`` does."""
     try:
-        while claims.left:
+        while True:
             for key, report in runner.drive(claims):
                 if isinstance(report, ClaimLost):  # what became of it is told, or waited for
                     claims.left[key] = None
                     continue
-                open_ones.pop(key, None)
+                claims.own.pop(key, None)
                 yield key, report
+            if not claims.left:
+                return
     except BaseException:
-        _let_go(runner, list(open_ones))
+        _let_go(runner, list(claims.own))
         raise
 
 
@@ -124,7 +131,7 @@ def _answered(runner: Runner, asked: Asked[R], blank: Mapping[int, R]) -> dict[i
 def serve(runner: Runner) -> None:
     """Answer whatever is wished for until this is stopped; what is then under way is left to the next runner."""
     try:
-        for key, report in runner.drive(_Claims(runner, None)):
+        for key, report in runner.drive(Claims(runner, None)):
             kind, row_id = key
             error = report if isinstance(report, PdlabError) else report.error
             log.info("%s %d: %s", kind, row_id, error or "done")

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from pdlab.cli import beds, comparing, descent, predicting, serving, stores, sweeping, tables
+from pdlab.cli import batching, beds, comparing, descent, predicting, serving, stores, sweeping, tables
 from pdlab.cli.shell import app, db
 from pdlab.errors import InputError, PdlabError
 
@@ -14,6 +14,8 @@ VERBS: dict[str, Callable[..., None]] = {
     "ls": tables.ls,
     "calibrate": predicting.calibrate,
     "predict": predicting.predict,
+    "batch": batching.batch,
+    "runner": batching.runner,
     "sheet": predicting.sheet,
     "sweep": sweeping.sweep,
     "compare": comparing.compare,

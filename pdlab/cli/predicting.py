@@ -13,6 +13,7 @@ from pdlab.cli.shell import (
     Method,
     MethodOrReference,
     Rule,
+    Scheduler,
     Store,
     Threads,
     Workers,
@@ -187,9 +188,10 @@ def calibrate(
     store: Store = None,
     workers: Workers = None,
     threads: Threads = 1,
+    scheduler: Scheduler = None,
 ) -> None:
     """Find each aggregate's friction coefficient: its simulated PD, or angle of repose, is the measured one."""
-    with open_lab(store, workers, threads) as lab:
+    with open_lab(store, workers, threads, scheduler) as lab:
         _show_calibrations(reports := lab.calibrate(aggregates or (), method, rule, seeds, leave_out))
         raise_failures(reports)
 
@@ -206,6 +208,7 @@ def predict(
     store: Store = None,
     workers: Workers = None,
     threads: Threads = 1,
+    scheduler: Scheduler = None,
 ) -> None:
     """Simulate mixtures and set their packing density beside the measured one."""
     from pdlab.experiments import Way
@@ -214,7 +217,7 @@ def predict(
     way = Way(method, rule, seeds, leave_out)
     if output is not None:
         check_writable(output)
-    with open_lab(store, workers, threads) as lab:
+    with open_lab(store, workers, threads, scheduler) as lab:
         reports = lab.predict_reports(mixtures or (), way)
         _show_predictions(reports)
         if output is not None:

@@ -12,6 +12,7 @@ import typer
 from pdlab.errors import InputError, PdlabError
 
 if TYPE_CHECKING:
+    from pdlab.batch.progress import Progress
     from pdlab.lab import Lab
 
 app = typer.Typer(
@@ -41,6 +42,10 @@ MethodOrReference = Annotated[
 ]
 LeaveOut = Annotated[float | None, typer.Option("--leave-out", help="Leave out graded spheres finer than this [mm].")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(help="Simulate on a cluster: tcp://HOST:PORT of its dask scheduler; needs pdlab[cluster]."),
+]
 Threads = Annotated[int, typer.Option(min=1, help="Threads that share one large bed.")]
 
 
@@ -62,41 +67,64 @@ def _options(
     logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, format="%(name)s: %(message)s")
 
 
-@contextmanager
-def open_lab(store: str | None, workers: int | None = None, threads: int = 1) -> Iterator["Lab"]:
-    """Open the store, say when it is made, and show a bar while beds are simulated."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+class Bar:
+    """The bar on a terminal while beds are simulated; of a table, by the ``mixtures`` and sphere-steps of its plan."""
 
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        console = Console(stderr=True)
+        self._bar = Progress(
+            TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%"),
+            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=console, transient=True,
+            disable=not console.is_terminal,
+        )  # fmt: skip
+        self._task = self._bar.add_task("", total=1.0, visible=False)
+        self.mixtures, self.sphere_steps, self.rows = 0, 0.0, 0
+
+    def show(self, progress: "Progress") -> None:
+        """Show how far a call is."""
+        if not self._bar.live.is_started:
+            self._bar.start()
+        beds, share = f"{progress.simulated} of {progress.wanted - progress.read} beds", progress.share
+        if self.mixtures:
+            text = f"predicting: {self.rows} of {self.mixtures} mixtures, {progress.simulated} beds"
+            share = min(0.999, progress.sphere_steps / max(self.sphere_steps, 1.0))
+        elif progress.beds:
+            last = min(progress.beds, key=lambda bed: bed.share)
+            text = f"simulating: {beds} ({last.steps} steps, kinetic energy {last.kinetic_energy:.0e} m g d)"
+        else:
+            text = f"simulating: {beds}"
+        self._bar.update(self._task, completed=share, description=text, visible=True)
+        if not self.mixtures and progress.simulated == progress.wanted - progress.read:
+            self.hide()
+
+    def hide(self) -> None:
+        """Take the bar away until there is more to show."""
+        self._bar.stop()
+        self._bar.reset(self._task, visible=False)
+
+
+@contextmanager
+def open_lab(
+    store: str | None,
+    workers: int | None = None,
+    threads: int = 1,
+    scheduler: str | None = None,
+    bar: Bar | None = None,
+) -> Iterator["Lab"]:
+    """Open the store, say when it is made, and show a bar while beds are simulated."""
     from pdlab.lab import Lab
 
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(), console=console, transient=True,
-        disable=not console.is_terminal,
-    )  # fmt: skip
-    task = bar.add_task("", total=1.0, visible=False)
-
-    def show(progress: Any) -> None:
-        if not bar.live.is_started:
-            bar.start()
-        text = f"simulating: {progress.simulated} of {progress.wanted - progress.read} beds"
-        if progress.beds:
-            last = min(progress.beds, key=lambda bed: bed.share)
-            text += f" ({last.steps} steps, kinetic energy {last.kinetic_energy:.0e} m g d)"
-        bar.update(task, completed=progress.share, description=text, visible=True)
-        if progress.simulated == progress.wanted - progress.read:
-            bar.stop()
-            bar.reset(task, visible=False)
-
-    with Lab(store, workers, show, threads) as lab:
+    bar = bar or Bar()
+    with Lab(store, workers, bar.show, threads, scheduler) as lab:
         if lab.store.created and lab.store.url != "sqlite://":
             print(f"made a new store: {lab.store.url}")
         try:
             yield lab
         finally:
-            bar.stop()
+            bar.hide()
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -122,6 +150,14 @@ def print_wide(what: Any) -> None:
 def number(value: float | None, digits: int = 4, sign: bool = False) -> str:
     """Return a number as text, nothing for None."""
     return "" if value is None else f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time as people say it."""
+    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds:.2g} s"
 
 
 def raise_failures(reports: Sequence[Any]) -> None:

@@ -9,7 +9,9 @@ from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.effort import known_runs
 from pdlab.experiments.export import Exported, export_tables
+from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.predictions import answered, predict, to_predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
@@ -61,6 +63,7 @@ __all__ = [
     "ask_calibrations",
     "ask_predictions",
     "ask_sweep",
+    "beds_to_run",
     "by_theory",
     "calibrate",
     "cancel",
@@ -70,6 +73,7 @@ __all__ = [
     "counted",
     "delete",
     "export_tables",
+    "known_runs",
     "listed",
     "measured_aggregate",
     "predict",

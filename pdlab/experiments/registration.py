@@ -132,8 +132,7 @@ def _order(file: str) -> int:
 def _register_aggregate(work: _Import, row: Row) -> None:
     """Make an aggregate, or fill what was empty in the one that is there; nothing is overwritten."""
     cells = {**row.cells, "delivery": row.cells["delivery"] or ""}
-    deliveries = work.aggregates.get(cells["name"], {})
-    there = store.choose_delivery(deliveries, cells["delivery"], exact=True)
+    there = work.aggregates.get(cells["name"], {}).get(cells["delivery"])
     given = {column: value for column, value in cells.items() if value is not None}
     empty = {column for column in given if there is None or getattr(there, column) is None}
     for column in given.keys() - empty:
@@ -157,8 +156,8 @@ def _register_aggregate(work: _Import, row: Row) -> None:
         return
     if there is None:
         work.session.add(target)
-        work.aggregates[cells["name"]] = {**deliveries, cells["delivery"]: target}
-    table = "aggregates completed" if there is not None and empty else "aggregates"
+        work.aggregates.setdefault(cells["name"], {})[cells["delivery"]] = target
+    table = "aggregates completed" if there and empty else "aggregates"
     work.done.count(table, there is None or bool(empty), cells["name"])
 
 

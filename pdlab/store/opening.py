@@ -56,6 +56,19 @@ class Store:
         with named_errors(self.url), self._session(self.writer) as session, session.begin(), kept_for_lists(session):
             yield session
 
+    @contextmanager
+    def rehearsal(self) -> Iterator["Store"]:
+        """Give a store in which all can be written and read, and of which nothing is kept. Raises StoreError."""
+        with named_errors(self.url):
+            if isinstance(self.writer, sa.Connection):
+                with self.writer.begin_nested() as undone:
+                    yield self
+                    undone.rollback()
+                return
+            with self.writer.connect() as connection, connection.begin() as undone:
+                yield Store(self.url, connection, connection)
+                undone.rollback()
+
     @staticmethod
     def _session(bind: sa.Engine | sa.Connection) -> Session:
         if isinstance(bind, sa.Connection):  # somebody else's transaction, a test's

@@ -5,11 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session, selectinload
 
 from pdlab.errors import UnknownName
 from pdlab.models import (
     Aggregate,
+    Base,
     Calibration,
     Comparison,
     Mixture,
@@ -174,12 +176,45 @@ def done_runs(session: Session, digests: Sequence[str]) -> dict[str, Run]:
     return {run.specimen_hash: run for run in found}
 
 
+def newest_done(session: Session, engine_version: int, most: int) -> list[tuple[str, int, float | None, str | None]]:
+    """Return the specimen, steps, seconds [s] and processor of the newest runs that an engine version has done."""
+    query = (
+        sa.select(Run.specimen, Run.steps, Run.seconds, Run.processor)
+        .where(Run.state == "done", Run.engine_version == engine_version, Run.steps.is_not(None))
+        .order_by(Run.finished_at.desc())
+    )
+    return [
+        (specimen, steps or 0, seconds, there) for specimen, steps, seconds, there in session.execute(query.limit(most))
+    ]
+
+
+def done_digests(session: Session, digests: Sequence[str]) -> set[str]:
+    """Return which runs are done."""
+    query = sa.select(Run.specimen_hash).where(Run.state == "done")
+    found = (session.scalars(query.where(Run.specimen_hash.in_(part))) for part in parts(digests))
+    return {digest for some in found for digest in some}
+
+
 def save_run(session: Session, run: Run, state: RunState | None) -> None:
     """Write a run, over an earlier unsuccessful try of the same specimen."""
-    session.merge(run)
-    session.flush()
+    upsert(session, Run, [columns_of(run)])
     if state is not None:
-        session.merge(state)
+        upsert(session, RunState, [columns_of(state)])
+
+
+def columns_of(row: Base) -> dict[str, Any]:
+    """Return the columns of a row that were set, by name."""
+    return {name: value for name, value in vars(row).items() if not name.startswith("_")}
+
+
+def upsert(session: Session, table: type[Base], rows: Sequence[dict[str, Any]]) -> None:
+    """Write rows with the same columns each, over those that are there with the same key."""
+    if not rows:
+        return
+    insert: Any = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}[session.get_bind().dialect.name](table)
+    keys = [key.name for key in sa.inspect(table).primary_key]
+    changed = {name: insert.excluded[name] for name in rows[0] if name not in keys}
+    session.execute(insert.on_conflict_do_update(index_elements=keys, set_=changed), list(rows))
 
 
 def runs(session: Session) -> list[Run]:

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 
 from pdlab.errors import ClaimLost
 from pdlab.models import Calibration, Prediction, Run, RunState, Sweep, now
-from pdlab.store.selects import parts
+from pdlab.store.selects import columns_of, parts, upsert
 
 LEASE = 60.0
 """Seconds for which a claim holds without a heartbeat."""
@@ -174,22 +174,25 @@ def claim_runs(
     Each with the bed that a runner before left of it, None where it begins anew.
     """
     digests = [row.specimen_hash for row in rows]
-    held = sa.and_(Run.state == "running", ~_free(session, Run, is_gone), Run.claimed_by != who)
-    taken = sa.select(Run.specimen_hash).where(Run.specimen_hash.in_(digests), sa.or_(Run.state == "done", held))
-    others, out = set(session.scalars(taken)), dict[str, tuple[Run, RunState] | None]()
-    for row in rows:
-        if row.specimen_hash in others:
-            continue
-        before, bed = session.get(Run, row.specimen_hash), None
-        if before is not None and before.state in WAITING:
-            bed = session.get(RunState, row.specimen_hash)
-        if before is None or bed is None:
-            out[row.specimen_hash] = None
-            before = session.merge(row)
-        else:
-            out[row.specimen_hash] = before, bed
-        before.state, before.claimed_by, before.heartbeat = "running", who, now()
-    return out
+    there = session.execute(sa.select(Run.specimen_hash, Run.state).where(Run.specimen_hash.in_(digests)))
+    states = dict(there.all())
+    held = {digest for digest, state in states.items() if state == "done"}
+    if "running" in states.values():
+        others = sa.and_(Run.state == "running", ~_free(session, Run, is_gone), Run.claimed_by != who)
+        held.update(session.scalars(sa.select(Run.specimen_hash).where(Run.specimen_hash.in_(digests), others)))
+    mine = [row for row in rows if row.specimen_hash not in held]
+    begun = [digest for digest, state in states.items() if state in WAITING and digest not in held]
+    beds = (
+        sa.select(Run, RunState)
+        .join(RunState, RunState.specimen_hash == Run.specimen_hash)
+        .where(Run.specimen_hash.in_(begun))
+    )
+    left = {run.specimen_hash: (run, bed) for run, bed in session.execute(beds)} if begun else {}
+    claim = {"state": "running", "claimed_by": who, "heartbeat": now()}
+    upsert(session, Run, [columns_of(row) | claim for row in mine if row.specimen_hash not in left])
+    if left:
+        session.execute(sa.update(Run).where(Run.specimen_hash.in_(left)).values(claim))
+    return {row.specimen_hash: left.get(row.specimen_hash) for row in mine}
 
 
 def free_runs(session: Session, digests: Sequence[str], who: str) -> None:

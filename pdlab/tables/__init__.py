@@ -1,5 +1,6 @@
 """What users bring, text → plain records, and back: one format for the shell, Python and the page; no SQL."""
 
+from pdlab.tables.appending import Output
 from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
 from pdlab.tables.conditions import Condition, check_columns, parse_condition, parse_order
 from pdlab.tables.designations import parse_aperture
@@ -26,6 +27,7 @@ __all__ = [
     "Brought",
     "Condition",
     "MixtureRecord",
+    "Output",
     "ParseError",
     "PastedRow",
     "Row",
