@@ -31,11 +31,13 @@ from pdlab.experiments import (
     Refreshed,
     Registered,
     Sheet,
+    SweepReport,
     Verified,
     Way,
 )
 from pdlab.grading import DEFAULT_RULE
 from pdlab.specimen import from_canonical
+from pdlab.sweep import WISHED_ERROR
 
 SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
 """Feret's round pebbles in the table format, with their source in the folder above."""
@@ -223,6 +225,26 @@ class Lab:
         way = Way(method, rule, seeds, leave_out)
         return experiments.sheet(self.store, self.runner, _texts(names), way)
 
+    def sweep(
+        self,
+        names: Texts,
+        method: str = METHOD,
+        rule: str = DEFAULT_RULE,
+        standard_error: float = WISHED_ERROR,
+        most: int | None = None,
+        seeds: int = SEEDS,
+        leave_out: float | None = None,
+    ) -> SweepReport:
+        """Sweep the proportions of two to five aggregates for their densest mix, by as few beds as it takes.
+
+        ``standard_error`` [-] of the densest mix's PD at which it ends; ``most``: beds at most, by default 12 for two
+        aggregates, 30 for three. ``method``, ``rule``, ``seeds``, ``leave_out``: as in ``calibrate``. The report's
+        ``result`` holds the curve with its errors, the densest mix and the mix to test in the laboratory next. Raises
+        UnknownName, InputError.
+        """
+        way = Way(method, rule, seeds, leave_out)
+        return experiments.sweep_aggregates(self.store, self.runner, _texts(names), way, standard_error, most)
+
     def compare_report(
         self, names: Texts = (), confidence: float = CONFIDENCE, seed: int = SEED, rule: str = DEFAULT_RULE
     ) -> Compared:
@@ -390,6 +412,15 @@ def prediction_frame(reports: Iterable[PredictionReport]) -> pd.DataFrame:
     return pd.DataFrame([prediction_row(report) for report in reports], columns=list(PREDICTION_COLUMNS))
 
 
+def sweep_frame(report: SweepReport) -> pd.DataFrame:
+    """Return a sweep as a frame: a row for each place of the grid, the aggregates' shares, PD and its deviation [-]."""
+    if report.result is None:
+        return pd.DataFrame(columns=[*report.aggregates, "packing_density", "standard_error"])
+    frame = pd.DataFrame(report.result.shares, columns=list(report.aggregates))
+    frame["packing_density"], frame["standard_error"] = report.result.packing_density, report.result.deviation
+    return frame
+
+
 def comparison_frame(found: Compared) -> pd.DataFrame:
     """Return a comparison as a frame: each method's errors over the common mixtures and over its own."""
     rows = []
@@ -412,4 +443,13 @@ def difference_frame(found: Compared) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-__all__ = ["SHIPPED", "InputError", "Lab", "PdlabError", "comparison_frame", "difference_frame", "prediction_frame"]
+__all__ = [
+    "SHIPPED",
+    "InputError",
+    "Lab",
+    "PdlabError",
+    "comparison_frame",
+    "difference_frame",
+    "prediction_frame",
+    "sweep_frame",
+]

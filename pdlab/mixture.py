@@ -7,11 +7,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pdlab.errors import ProtocolError
-from pdlab.specimen import LOOSE, Packing, Protocol, Sizes, Specimen, components, mixed_spheres, with_seeds
+from pdlab.specimen import (
+    EQUAL_SPHERES,
+    LOOSE,
+    Packing,
+    Protocol,
+    Sizes,
+    Specimen,
+    components,
+    mixed_spheres,
+    with_seeds,
+)
 
 SEEDS, MAX_SEEDS, SEED_STEP = 4, 16, 2
 STANDARD_ERROR = 0.003
 """Standard error over seeds at which no more are run."""
+SCATTER, SCATTER_LEAST = 0.0028, 0.0018
+"""Standard deviation of PD over seeds: of a bed of 2500 equal spheres, and what is left of it where very many bear."""
 STIFFER, STIFFEST = 2.0, 8.0
 """Factor by which contacts are made stiffer where fine spheres bear what coarse ones weigh, and its most."""
 
@@ -110,6 +122,27 @@ def seed_error(packings: Sequence[Packing]) -> float:
     """Return the standard error of the mean PD over seeds; infinite for one."""
     values = np.array([packing.packing_density for packing in packings])
     return float(values.std(ddof=1)) / math.sqrt(values.size) if values.size > 1 else math.inf
+
+
+def scatter(parts: Sequence[Part], bed: Specimen, packing_density: float) -> float:
+    """Return the standard deviation over seeds that the PD [-] of a mixture's bed is expected to have.
+
+    That of equal spheres, as many as the bed has of the aggregate that bears, carried as in ``sensitivities``. By
+    Furnas that aggregate bears whose bulk volume with the solids of the coarser ones is the largest.
+    """
+    ordered = sorted(parts, key=lambda part: -max(size for size, _ in part.sizes))
+    coarser, bearing, volume = 0.0, ordered[0], 0.0
+    for part in ordered:
+        bulk = coarser + part.share / part.packing_density
+        coarser += part.share
+        if bulk > volume:
+            bearing, volume = part, bulk
+    largest = max(size for size, _ in ordered[0].sizes)
+    solids = math.fsum(kind.count * kind.diameter**3 for kind in bed.species)
+    spheres = solids * bearing.share * math.fsum(share * (largest / size) ** 3 for size, share in bearing.sizes)
+    carried = bearing.share * (packing_density / bearing.packing_density) ** 2
+    falling = (SCATTER**2 - SCATTER_LEAST**2) * EQUAL_SPHERES / spheres
+    return math.sqrt(carried**2 * falling + SCATTER_LEAST**2)
 
 
 def sensitivities(parts: Sequence[Part], packing_density: float) -> np.ndarray:

@@ -72,6 +72,17 @@ def _of_prediction(facts: Facts) -> str:
     return f"{_error_bars(facts, 'standard_error')}, {method}, {_made(facts)}"
 
 
+def _of_sweep(facts: Facts) -> str:
+    made = f"engine version {facts['engine_version'] or 'unknown'}, {facts['state']} {_when(facts)} UTC"
+    return f"densest mix {_error_bars(facts, 'standard_error')}, {_method(facts)}, {made}"
+
+
+def _of_sweep_component(facts: Facts) -> str:
+    shares = (facts["densest_share"], facts["next_share"])
+    densest, following = ("unknown" if share is None else f"{share:g}" for share in shares)
+    return f"{facts['aggregate']['address']}, share of the densest mix {densest}, of the one to test next {following}"
+
+
 def _of_calibration(facts: Facts) -> str:
     if facts["friction"] is None:
         return f"{_method(facts)}, {_made(facts)}"
@@ -110,10 +121,13 @@ def _error_bars(facts: Facts, simulation: str) -> str:
 
 
 def _made(facts: Facts) -> str:
-    when = (facts["finished_at"] or facts["requested_at"])[:16].replace("T", " ")
     ordered = facts["method"] == ORDERED
     by = "by a formula" if ordered else f"engine version {facts['engine_version'] or 'unknown'}"
-    return f"{facts['protocol']['compaction']}, {by}, {facts['state']} {when} UTC"
+    return f"{facts['protocol']['compaction']}, {by}, {facts['state']} {_when(facts)} UTC"
+
+
+def _when(facts: Facts) -> str:
+    return str(facts["finished_at"] or facts["requested_at"])[:16].replace("T", " ")
 
 
 def _of_run(facts: Facts) -> str:
@@ -122,6 +136,7 @@ def _of_run(facts: Facts) -> str:
 
 LINES = {
     "sieve_result": _of_sieve, "prediction": _of_prediction, "calibration": _of_calibration, "run": _of_run,
+    "sweep": _of_sweep, "sweep_component": _of_sweep_component,
 }  # fmt: skip
 
 

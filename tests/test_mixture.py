@@ -9,7 +9,7 @@ from conftest import formula_packing
 from pdlab import mixture
 from pdlab.errors import ProtocolError
 from pdlab.mixture import Part
-from pdlab.specimen import LOOSE, RODDED, Packing
+from pdlab.specimen import EQUAL_SPHERES, LOOSE, RODDED, Packing
 
 PARTS = [
     Part("coarse", 0.6, ((40.0, 1.0),), 0.13, 0.600, 0.005, 0.001),
@@ -59,3 +59,16 @@ def test_parts_of_several_sizes_and_of_rolling_spheres_share_one_bed() -> None:
         (1.0, 0.13, 0.0), (0.5, 0.13, 0.0), (0.3, 1.0, 0.3),
     ]  # fmt: skip
     assert bed.shares == pytest.approx((0.15, 0.45, 0.4), abs=0.005)
+
+
+def test_a_bed_scatters_over_seeds_as_so_many_spheres_as_bear() -> None:
+    alone = replace(PARTS[0], share=1.0)
+    assert mixture.scatter([alone], mixture.next_specimens([alone], [])[0], 0.6) == pytest.approx(0.0028, rel=1e-3)
+
+    def scatter(coarse: float) -> float:
+        parts = [replace(PARTS[0], share=coarse), replace(PARTS[1], share=1.0 - coarse)]
+        return mixture.scatter(parts, mixture.next_specimens(parts, [])[0], 0.65)
+
+    assert 0.0018 < scatter(0.6) < 0.0021  # thousands of fine spheres
+    coarse = 0.8 * (0.65 / 0.6) ** 2 * 0.00214 * math.sqrt(EQUAL_SPHERES / 287)  # the coarse spheres of its bed
+    assert scatter(0.8) == pytest.approx(math.hypot(coarse, 0.0018), rel=0.01)

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable
 
-from pdlab.cli import batching, beds, comparing, descent, predicting, serving, stores, tables
+from pdlab.cli import batching, beds, comparing, descent, predicting, serving, stores, sweeping, tables
 from pdlab.cli.shell import app, db
 from pdlab.errors import InputError, PdlabError
 
@@ -17,6 +17,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "batch": batching.batch,
     "runner": batching.runner,
     "sheet": predicting.sheet,
+    "sweep": sweeping.sweep,
     "compare": comparing.compare,
     "serve": serving.serve,
     "show": descent.show,

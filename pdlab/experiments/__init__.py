@@ -19,6 +19,7 @@ from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
+from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.ways import METHODS, Way
@@ -28,6 +29,7 @@ from pdlab.experiments.wishes import (
     answering,
     ask_calibrations,
     ask_predictions,
+    ask_sweep,
     cancel,
     report_on,
 )
@@ -52,6 +54,7 @@ __all__ = [
     "RunAll",
     "Sheet",
     "Summary",
+    "SweepReport",
     "Theoretical",
     "Verified",
     "Way",
@@ -59,6 +62,7 @@ __all__ = [
     "answering",
     "ask_calibrations",
     "ask_predictions",
+    "ask_sweep",
     "beds_to_run",
     "by_theory",
     "calibrate",
@@ -80,7 +84,9 @@ __all__ = [
     "sheet",
     "show",
     "summaries",
+    "sweep_aggregates",
     "to_calibrate",
     "to_predict",
+    "to_sweep",
     "verify",
 ]

@@ -16,16 +16,17 @@ from pdlab.models import (
     Prediction,
     SieveAnalysis,
     SieveResult,
+    Sweep,
 )
 
 
 def find(session: Session, text: str, kinds: Sequence[str]) -> Base:
     """Return the row that ``text`` names, of one of ``kinds``.
 
-    ``aggregate:NAME`` or ``aggregate:NAME@DELIVERY``, ``mixture:NAME``, ``prediction:ID``, ``calibration:ID`` or
-    the last of an aggregate by its name, ``run:HASH-BEGINNING``, ``sieve_analysis:ID``, ``packing_test:ID``,
-    ``sieve_result:ANALYSIS-ID/POSITION``, ``mixture_component:MIXTURE-ID/POSITION``; positions count from 0. Raises
-    UnknownName, and InputError where a bare name has several meanings.
+    ``aggregate:NAME`` or ``aggregate:NAME@DELIVERY``, ``mixture:NAME``, ``prediction:ID``, ``sweep:ID``,
+    ``calibration:ID`` or the last of an aggregate by its name, ``run:HASH-BEGINNING``, ``sieve_analysis:ID``,
+    ``packing_test:ID``, ``sieve_result:ANALYSIS-ID/POSITION``, ``mixture_component:MIXTURE-ID/POSITION``; positions
+    count from 0. Raises UnknownName, and InputError where a bare name has several meanings.
     """
     kind, _, name = text.partition(":")
     if kind in FINDERS:
@@ -91,7 +92,7 @@ def _calibration(session: Session, text: str) -> Calibration:
     return row
 
 
-def _numbered(table: type[Prediction | SieveAnalysis | PackingTest]) -> Callable[[Session, str], Base]:
+def _numbered(table: type[Prediction | Sweep | SieveAnalysis | PackingTest]) -> Callable[[Session, str], Base]:
     """Return the finder of a table whose rows are named by their id."""
 
     def find_one(session: Session, text: str) -> Base:
@@ -126,6 +127,7 @@ FINDERS: dict[str, Callable[[Session, str], Base]] = {
     "mixture": _mixture,
     "aggregate": _aggregate,
     "prediction": _numbered(Prediction),
+    "sweep": _numbered(Sweep),
     "calibration": _calibration,
     "run": store.find_run,
     "sieve_analysis": _numbered(SieveAnalysis),

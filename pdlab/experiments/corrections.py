@@ -29,6 +29,7 @@ from pdlab.models import (
     RunState,
     SieveAnalysis,
     SieveResult,
+    Sweep,
 )
 from pdlab.specimen import check_shares
 from pdlab.store import Store
@@ -46,10 +47,10 @@ _COLUMNS: dict[type[Base], tuple[str, tuple[str, ...]]] = {
 }
 """The columns that may be corrected, and the imported table whose parser reads them."""
 DENSITY_COLUMNS = {"particle_density_kg_m3", "density_basis", "water_absorption_percent"}
-DELETABLE = ("aggregate", "mixture", "sieve_analysis", "packing_test", "calibration", "prediction", "run")
+DELETABLE = ("aggregate", "mixture", "sieve_analysis", "packing_test", "calibration", "prediction", "sweep", "run")
 PLURALS = {
     "sieve_analysis": "sieve analyses", "packing_test": "packing tests", "mixture": "mixtures",
-    "calibration": "calibrations", "prediction": "predictions",
+    "calibration": "calibrations", "prediction": "predictions", "sweep": "sweeps",
 }  # fmt: skip
 DELETED = "(deleted)"
 """The column name under which a deletion is written down, with the whole row as its old value."""
@@ -338,4 +339,6 @@ def _own_parts(session: Session, row: Base) -> list[Base]:
         return [] if bed is None else [bed]
     if isinstance(row, Prediction):
         return [*row.runs, *row.calibrations]
+    if isinstance(row, Sweep):
+        return [*row.components, *row.runs, *row.calibrations]
     return [*row.runs] if isinstance(row, Calibration) else list(_parts(row))

@@ -21,13 +21,14 @@ from pdlab.models import (
     PackingTest,
     Prediction,
     SieveAnalysis,
+    Sweep,
 )
 from pdlab.store import Store
 
 Facts = dict[str, Any]
 """A row as plain data, by column, with what it rests on nested inside."""
-SHOWN = ("prediction", "mixture", "calibration", "aggregate", "run", "sieve_analysis", "packing_test")
-JSON_COLUMNS = ("protocol", "specimen", "slab_shares", "spheres")
+SHOWN = ("prediction", "sweep", "mixture", "calibration", "aggregate", "run", "sieve_analysis", "packing_test")
+JSON_COLUMNS = ("protocol", "specimen", "slab_shares", "spheres", "curve", "asked")
 
 
 def show(target: Store, what: str) -> Facts:
@@ -109,6 +110,11 @@ class _Tree:
             facts["calibrations"] = [self.whole(link.calibration) for link in row.calibrations]
             if row.method in REFERENCES:
                 facts["aggregates"] = [self._graded(part.aggregate) for part in row.mixture.components]
+        elif isinstance(row, Sweep):
+            facts["components"] = [
+                self.alone(part) | {"aggregate": self.alone(part.aggregate)} for part in row.components
+            ]
+            facts["calibrations"] = [self.whole(link.calibration) for link in row.calibrations]
         elif isinstance(row, Calibration):
             facts["aggregate"] = self.alone(row.aggregate)
             facts["packing_test"] = None if row.packing_test is None else self.alone(row.packing_test)
@@ -127,7 +133,7 @@ class _Tree:
             facts["material"] = None if material is None else self.alone(material)
         if isinstance(row, Mixture | Aggregate):
             facts["packing_tests"] = [self.alone(test) for test in row.packing_tests]
-        if isinstance(row, Prediction | Calibration):
+        if isinstance(row, Prediction | Calibration | Sweep):
             facts["runs"] = [self.alone(link.run) for link in row.runs]
         return facts
 

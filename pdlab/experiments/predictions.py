@@ -175,7 +175,7 @@ def open_blend(row: Mixture, known: Mapping[int, CalibrationReport]) -> _Blend:
         ids.append(report.calibration_id)
         if report.choice:
             notes.append(f"{report.aggregate}: {report.choice}")
-        parts.append(_part(report, component.solid_volume_share / total))
+        parts.append(part_of(report, component.solid_volume_share / total))
     test = store.newest_test(row.packing_tests)
     by_angle = any(known[component.aggregate_id].angle is not None for component in row.components)
     if by_angle and test is not None and test.compaction != "vibrated":
@@ -192,7 +192,7 @@ def _open_reference(row: Mixture, aggregates: Mapping[int, Aggregate], way: Way)
     return _Blend(row, parts, [], references.notes_of(way.method, its, way.pan_factor))
 
 
-def _part(report: CalibrationReport, share: float) -> mixture.Part:
+def part_of(report: CalibrationReport, share: float) -> mixture.Part:
     """Return a calibrated aggregate as a mixture's part with this share of the solid volume [-]."""
     assert report.result is not None
     return mixture.Part(

@@ -1,4 +1,4 @@
-"""Wishes: calibrations and predictions that are asked for, and how a runner answers them."""
+"""Wishes: calibrations, predictions and sweeps that are asked for, and how a runner answers them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,12 +10,15 @@ from pdlab.experiments.calibrations import CalibrationReport, calibrating, calib
 from pdlab.experiments.opening import open_calibration
 from pdlab.experiments.predictions import answered, predicting
 from pdlab.experiments.reports import PredictionReport, reports_of
+from pdlab.experiments.sweeps import SweepReport, sweeping
+from pdlab.experiments.sweeps import report_of as report_of_sweep
 from pdlab.experiments.ways import Way, way_of_text
-from pdlab.models import Aggregate, Calibration, Mixture, Prediction
+from pdlab.models import Aggregate, Calibration, Mixture, Prediction, Sweep, SweepComponent
 from pdlab.plan import Plan, at_once
 from pdlab.store import Claim, Key, Store
+from pdlab.sweep import MOST
 
-Report = CalibrationReport | PredictionReport
+Report = CalibrationReport | PredictionReport | SweepReport
 
 
 R = TypeVar("R", CalibrationReport, PredictionReport)
@@ -71,6 +74,34 @@ def ask_predictions(
     return Asked(reports, wishes, [("prediction", wish) for wish in own])
 
 
+def ask_sweep(
+    target: Store,
+    rows: Sequence[Aggregate],
+    way: Way,
+    wished_error: float,
+    most_specimens: int | None,
+    engine_version: int,
+    priority: int = 0,
+) -> SweepReport | Key:
+    """Read the sweep of aggregates that is there, or work it out of the beds that are; else return the wish for it."""
+    found = at_once(sweeping(target, rows, way, wished_error, most_specimens, engine_version))
+    if found is not None:
+        return found
+    facts = {
+        "method": way.method, "variant": way.variant, "asked": way.text(), "wished_error": wished_error,
+        "most_specimens": most_specimens or MOST[len(rows)],
+    }  # fmt: skip
+    ids = [row.id for row in rows]
+    with target.write() as session:
+        waiting = store.waiting_sweeps(session, ids, facts)
+        if waiting:
+            return "sweep", waiting[0].id
+        parts = [SweepComponent(position=k, aggregate_id=key) for k, key in enumerate(ids)]
+        wish = Sweep(priority=priority, components=parts, **facts)
+        store.add_all(session, [wish])
+        return "sweep", wish.id
+
+
 def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Report]:
     """Work out what a wish asks for and write it into its row; what cannot be stands there with its reason.
 
@@ -81,6 +112,8 @@ def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Re
     try:
         if kind == "calibration":
             report: Report = yield from _calibrating(target, claim, engine_version)
+        elif kind == "sweep":
+            report = yield from _sweeping(target, claim, engine_version)
         else:
             report = yield from _predicting(target, claim, engine_version)
     except StoreError:
@@ -113,12 +146,27 @@ def _predicting(target: Store, claim: Claim, engine_version: int) -> Plan[Predic
     return reports[0]
 
 
+def _sweeping(target: Store, claim: Claim, engine_version: int) -> Plan[SweepReport]:
+    with target.read() as session:
+        wish = store.claimed(session, Sweep, claim)
+        way = way_of_text(wish.method, wish.variant, wish.asked)
+        ids, wished_error, most = store.swept(wish), wish.wished_error, wish.most_specimens
+        known = {row.id: row for row in store.aggregates_by_id(session, ids)}
+    rows = [known[key] for key in ids]
+    report = yield from sweeping(target, rows, way, wished_error, most, engine_version, claim)
+    return report
+
+
 def report_on(target: Store, key: Key) -> Report:
     """Return what became of a wish that another runner answered, or that was cancelled. Raises UnknownName."""
     kind, row_id = key
     if kind == "prediction":
         report = reports_of(target, [row_id])[row_id]
         return report if report.state == "done" else _with_error(report)
+    if kind == "sweep":
+        swept = report_of_sweep(target, row_id)
+        error = None if swept.state == "done" else PdlabError("; ".join(swept.notes) or f"the sweep is {swept.state}")
+        return replace(swept, error=error)
     with target.read() as session:
         row = next(iter(store.calibrations_by_id(session, [row_id])), None)
     if row is None:

@@ -48,6 +48,7 @@ from pdlab.store.selects import (
     runs,
     save_run,
 )
+from pdlab.store.sweeps import ended_sweeps, sweeps_by_id, swept, waiting_sweeps
 from pdlab.store.wishes import (
     LEASE,
     WAITING,
@@ -101,6 +102,7 @@ __all__ = [
     "done_predictions",
     "done_runs",
     "end_wish",
+    "ended_sweeps",
     "equal_results",
     "find_aggregate",
     "find_bed",
@@ -133,7 +135,10 @@ __all__ = [
     "sieve_table",
     "sizes",
     "store_url",
+    "sweeps_by_id",
+    "swept",
     "upgrade",
+    "waiting_sweeps",
     "wish_states",
     "with_descent",
 ]

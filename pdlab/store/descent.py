@@ -21,6 +21,10 @@ from pdlab.models import (
     PredictionRun,
     Run,
     SieveAnalysis,
+    Sweep,
+    SweepCalibration,
+    SweepComponent,
+    SweepRun,
 )
 
 Row = TypeVar("Row", bound=Base)
@@ -50,6 +54,11 @@ _DESCENT: dict[type[Base], tuple[ORMOption, ...]] = {
         selectinload(Prediction.calibrations)
         .selectinload(PredictionCalibration.calibration)
         .options(*_CALIBRATION),
+    ),
+    Sweep: (
+        selectinload(Sweep.components).selectinload(SweepComponent.aggregate),
+        selectinload(Sweep.runs).selectinload(SweepRun.run),
+        selectinload(Sweep.calibrations).selectinload(SweepCalibration.calibration).options(*_CALIBRATION),
     ),
 }  # fmt: skip
 
@@ -102,6 +111,7 @@ _RESTING: dict[type[Base], dict[str, tuple[sa.Select[Any], Any]]] = {
         "packing_test": (sa.select(PackingTest.id), PackingTest.aggregate_id),
         "mixture": (sa.select(Mixture.name).join(MixtureComponent), MixtureComponent.aggregate_id),
         "calibration": (sa.select(Calibration.id), Calibration.aggregate_id),
+        "sweep": (sa.select(SweepComponent.sweep_id), SweepComponent.aggregate_id),
     },
     Mixture: {
         "packing_test": (sa.select(PackingTest.id), PackingTest.mixture_id),
@@ -109,10 +119,14 @@ _RESTING: dict[type[Base], dict[str, tuple[sa.Select[Any], Any]]] = {
     },
     SieveAnalysis: {"calibration": (sa.select(Calibration.id), Calibration.sieve_analysis_id)},
     PackingTest: {"calibration": (sa.select(Calibration.id), Calibration.packing_test_id)},
-    Calibration: {"prediction": (sa.select(PredictionCalibration.prediction_id), PredictionCalibration.calibration_id)},
+    Calibration: {
+        "prediction": (sa.select(PredictionCalibration.prediction_id), PredictionCalibration.calibration_id),
+        "sweep": (sa.select(SweepCalibration.sweep_id), SweepCalibration.calibration_id),
+    },
     Run: {
         "calibration": (sa.select(CalibrationRun.calibration_id), CalibrationRun.specimen_hash),
         "prediction": (sa.select(PredictionRun.prediction_id), PredictionRun.specimen_hash),
+        "sweep": (sa.select(SweepRun.sweep_id), SweepRun.specimen_hash),
     },
 }
 """For each table, those whose rows may rest on its rows: how these are named, and the column that points there."""
