@@ -10,7 +10,6 @@ import multiprocessing
 import os
 import re
 import signal
-import socket
 import threading
 import time
 import warnings
@@ -148,13 +147,13 @@ class ClusterPool:
         ``patience`` [s]: how long a worker, or after a loss the scheduler, is waited for. Raises InputError when
         no scheduler answers or a worker has another engine, WorkersLost when no worker comes.
         """
-        self.address, self.patience, self._threads, self._closed = address, patience, 0, False
+        self.address, self.patience, self._threads, self._closed = _checked(address), patience, 0, False
         self._under_way: dict[Future[Advanced], Any] = {}
         try:
             self._connect(ANSWER)
         except OSError as error:
             raise InputError(
-                f"no scheduler answered at {address} within {ANSWER:g} s ({error}); start one there with "
+                f"no scheduler answered at {address} ({error}); start one there with "
                 f"'dask scheduler --port {address.rpartition(':')[2]}', or correct the address"
             ) from error
         try:
@@ -249,8 +248,7 @@ class ClusterPool:
     def _connect(self, timeout: float) -> None:
         """Connect. Raises OSError when no scheduler answers within about ``timeout`` [s]."""
         distributed = _distributed()
-        host, port = _parts(self.address)
-        socket.create_connection((host, port), timeout).close()  # a client that fails leaves a thread behind
+        distributed.utils.LoopRunner().run_sync(_shake_hands, distributed, self.address, timeout)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             self._client = distributed.Client(self.address, timeout=timeout, set_as_default=False, name="pdlab")
@@ -301,15 +299,28 @@ class ClusterPool:
                 raise InputError(_no_pdlab(f"the worker {worker}", found))
 
 
-ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[(?P<six>[^]]+)]|(?P<host>[^:/\s]+)):(?P<port>\d{1,5})")
+ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[[^]]+]|[^:/\s]+):\d{1,5}")
 
 
-def _parts(address: str) -> tuple[str, int]:
-    """Return the host and the port of a scheduler's address. Raises InputError when it is none."""
-    found = ADDRESS.fullmatch(address)
-    if found is None or int(found["port"]) > 65535:
+def _checked(address: str) -> str:
+    """Return a scheduler's address. Raises InputError when it is none."""
+    if ADDRESS.fullmatch(address) is None or int(address.rpartition(":")[2]) > 65535:
         raise InputError(f"{address!r} is no address of a scheduler; write it as tcp://HOST:PORT, the port mostly 8786")
-    return found["six"] or found["host"], int(found["port"])
+    return address
+
+
+async def _shake_hands(distributed: Any, address: str, timeout: float) -> None:
+    """Ask who is there: a client waits for ever for what is no scheduler. Raises OSError."""
+    safely = distributed.Security().get_connection_args("client")
+    there = distributed.rpc(address, timeout=timeout, connection_args=safely)
+    try:
+        found = await asyncio.wait_for(there.identity(), timeout)
+    except Exception as error:  # whatever becomes of reading what another program says
+        raise OSError(str(error) or f"nothing came back in {timeout:g} s") from error
+    finally:
+        await there.close_rpc()
+    if "workers" not in found:
+        raise OSError(f"there is a {found.get('type')}")
 
 
 def _distributed() -> Any:

@@ -1,10 +1,12 @@
 """A scheduler and workers of ``dask.distributed`` on loopback, which tests may kill; ``stop`` ends whatever is left."""
 
+import importlib
 import os
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -28,9 +30,7 @@ def loaded(module: str) -> bool:
 
 def children(pid: int) -> list[psutil.Process]:
     """The processes that ``multiprocessing`` spawned from one."""
-    return [
-        child for child in psutil.Process(pid).children(recursive=True) if "spawn_main" in " ".join(child.cmdline())
-    ]
+    return [child for child in psutil.Process(pid).children() if "spawn_main" in " ".join(child.cmdline())]
 
 
 class Cluster:
@@ -68,12 +68,12 @@ class Cluster:
         self.workers.append(self._start("worker", self.address, *(options or ("--nthreads", "1"))))
 
     def _start(self, verb: str, *options: str) -> "subprocess.Popen[bytes]":
-        command = [sys.executable, "-m", f"distributed.cli.dask_{verb}", "--host", "127.0.0.1", "--no-dashboard"]
+        command = [sys.executable, __file__, verb, "--host", "127.0.0.1", "--no-dashboard"]
         paths = os.pathsep.join((str(ROOT), str(ROOT / "tests")))
         with (self.folder / f"{verb}.log").open("ab") as out:
             return subprocess.Popen(
-                [*command, *options], stdout=out, stderr=out, cwd=self.folder, start_new_session=True,
-                env=os.environ | {"PYTHONPATH": paths},
+                [*command, *options], stdin=subprocess.PIPE, stdout=out, stderr=out, cwd=self.folder,
+                start_new_session=True, env=os.environ | {"PYTHONPATH": paths},
             )  # fmt: skip
 
     def kill_scheduler(self) -> None:
@@ -103,3 +103,16 @@ def end(process: "subprocess.Popen[bytes]") -> None:
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
+    if process.stdin is not None:
+        process.stdin.close()
+
+
+def end_with_the_tests() -> None:
+    """Kill this process and all of its group when the tests end, however they do."""
+    sys.stdin.read()
+    os.killpg(0, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    threading.Thread(target=end_with_the_tests, daemon=True).start()
+    importlib.import_module(f"distributed.cli.dask_{sys.argv[1]}").main(sys.argv[2:])
