@@ -264,23 +264,25 @@ class ClusterPool:
 
     def _find_workers(self) -> None:
         """Connect where that is needed, and wait for a worker. Raises WorkersLost after the patience."""
-        deadline, told = time.monotonic() + self.patience, ""
+        deadline = time.monotonic() + self.patience
+        told = "" if self._client.status == "running" else self._warn(NO_SCHEDULER)  # the first try may take long
         while True:
             try:
-                self._threads = self._count(deadline - time.monotonic())
-                now, in_the_end = NO_WORKER
+                self._threads, wrong = self._count(deadline - time.monotonic()), NO_WORKER
             except (OSError, RuntimeError) as error:  # RuntimeError: the client gives up just now
-                self._threads = 0
-                now, in_the_end = NO_SCHEDULER
+                self._threads, wrong = 0, NO_SCHEDULER
                 log.info("%s: %s", self.address, error)
             if self._threads:
                 return
             if time.monotonic() > deadline:
-                raise WorkersLost(in_the_end.format(self.address, self.patience))
-            if now != told:
-                log.warning(now.format(self.address, self.patience))
-                told = now
+                raise WorkersLost(wrong[1].format(self.address, self.patience))
+            if told != wrong[0]:
+                told = self._warn(wrong)
             time.sleep(LOOK)
+
+    def _warn(self, wrong: tuple[str, str]) -> str:
+        log.warning(wrong[0].format(self.address, self.patience))
+        return wrong[0]
 
     def _count(self, left: float) -> int:
         """Return the workers' threads, after a new connection where there is none. Raises OSError."""
