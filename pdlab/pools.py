@@ -221,7 +221,8 @@ class ClusterPool:
             return advanced
         except Exception as error:
             if chunk.status != "error" or isinstance(error, KilledWorker):
-                raise BrokenExecutor(f"a chunk was lost on the cluster at {self.address}: {error}") from error
+                why = " ".join(str(error).split())
+                raise BrokenExecutor(f"a chunk was lost on the cluster at {self.address}: {why}") from error
             if isinstance(error, ImportError) or "deserialization of the task graph" in str(error):
                 raise InputError(_no_pdlab(f"a machine of the cluster at {self.address}", error)) from error
             raise
