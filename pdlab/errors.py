@@ -24,7 +24,7 @@ PdlabError
     ├── TooSoft             an overlap above the bound: contacts too soft for the forces in this bed
     ├── NotAtRest           the bed did not come to rest in its time
     ├── Segregated          the slab's shares are not the mixture's
-    └── WorkersLost         worker processes died again and again
+    └── WorkersLost         worker processes died again and again, or a cluster has no scheduler or no worker
 """
 
 from dataclasses import dataclass
@@ -169,4 +169,4 @@ class Segregated(EngineError):
 
 
 class WorkersLost(EngineError):
-    """Worker processes died again and again."""
+    """Worker processes died again and again, or a cluster has no scheduler or no worker."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from clusters import Cluster
 from sqlalchemy.orm import selectinload
 
 from pdlab import packing
@@ -232,6 +233,38 @@ class FormulaRunner:
 @pytest.fixture
 def formula_runner() -> Callable[[Store], FormulaRunner]:
     return FormulaRunner
+
+
+@pytest.fixture(scope="session")
+def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """A cluster whose scheduler and two workers are processes of this machine."""
+    made = Cluster(tmp_path_factory.mktemp("cluster"), 2)
+    try:
+        yield made
+    finally:
+        made.stop()
+
+
+@pytest.fixture
+def cluster(two_workers: Cluster) -> Cluster:
+    """The cluster with all that a test before may have killed."""
+    return two_workers.whole()
+
+
+@pytest.fixture
+def new_cluster(tmp_path: Path) -> Iterator[Callable[..., Cluster]]:
+    """Make a cluster of so many workers for one test, with options of ``dask worker``."""
+    made: list[Cluster] = []
+
+    def make(workers: int, *options: str, **more: tuple[str, ...]) -> Cluster:
+        made.append(Cluster(tmp_path, workers, *options, **more))
+        return made[-1].whole()
+
+    try:
+        yield make
+    finally:
+        for one in made:
+            one.stop()
 
 
 @pytest.fixture
