@@ -3,9 +3,6 @@
 import io
 import os
 import pickle
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -192,29 +189,3 @@ def test_a_bed_that_kills_its_workers_fails_alone(target: Store, monkeypatch: py
         states = {run.seed: run.state for run in session.scalars(sa.select(Run))}
     assert states == {1: "done", 2: "failed", 3: "done"}
     runner.close()
-
-
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
-def test_workers_do_not_outlive_a_runner_that_was_killed(tmp_path: Path) -> None:
-    code = (
-        "import time; from pdlab.batch import pools; from test_batch import SMALL\n"
-        "if __name__ == '__main__':\n"
-        "    pool = pools.ProcessPool(1); pool.submit(SMALL, None, 10, 1).result()\n"
-        "    print(*pool._executor._processes, flush=True); time.sleep(60)\n"
-    )
-    script = tmp_path / "script.py"
-    script.write_text(code)
-    paths = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"PYTHONPATH": paths}
-    runner = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=environment)
-    assert runner.stdout is not None
-    worker = Path("/proc") / runner.stdout.readline().strip()
-    assert worker.is_dir()
-    runner.kill()
-    runner.wait()
-    runner.stdout.close()
-    for _ in range(100):
-        if not (worker / "cmdline").exists() or not (worker / "cmdline").read_bytes():
-            return
-        time.sleep(0.1)
-    raise AssertionError("the worker is still there")

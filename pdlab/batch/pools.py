@@ -10,7 +10,6 @@ import multiprocessing
 import os
 import re
 import signal
-import socket
 import threading
 import time
 import warnings
@@ -138,13 +137,13 @@ class ClusterPool:
         ``patience`` [s]: how long a worker, or after a loss the scheduler, is waited for. Raises InputError when
         no scheduler answers or a worker has another engine, WorkersLost when no worker comes.
         """
-        self.address, self.patience, self._threads, self._closed = address, patience, 0, False
+        self.address, self.patience, self._threads, self._closed = _checked(address), patience, 0, False
         self._under_way: dict[Future[Advanced], Any] = {}
         try:
             self._connect(ANSWER)
         except OSError as error:
             raise InputError(
-                f"no scheduler answered at {address} within {ANSWER:g} s ({error}); start one there with "
+                f"no scheduler answered at {address} ({error}); start one there with "
                 f"'dask scheduler --port {address.rpartition(':')[2]}', or correct the address"
             ) from error
         try:
@@ -212,7 +211,8 @@ class ClusterPool:
             return advanced
         except Exception as error:
             if chunk.status != "error" or isinstance(error, KilledWorker):
-                raise BrokenExecutor(f"a chunk was lost on the cluster at {self.address}: {error}") from error
+                why = " ".join(str(error).split())
+                raise BrokenExecutor(f"a chunk was lost on the cluster at {self.address}: {why}") from error
             if isinstance(error, ImportError) or "deserialization of the task graph" in str(error):
                 raise InputError(_no_pdlab(f"a machine of the cluster at {self.address}", error)) from error
             raise
@@ -239,8 +239,7 @@ class ClusterPool:
     def _connect(self, timeout: float) -> None:
         """Connect. Raises OSError when no scheduler answers within about ``timeout`` [s]."""
         distributed = _distributed()
-        host, port = _parts(self.address)
-        socket.create_connection((host, port), timeout).close()  # a client that fails leaves a thread behind
+        distributed.utils.LoopRunner().run_sync(_shake_hands, distributed, self.address, timeout)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             self._client = distributed.Client(self.address, timeout=timeout, set_as_default=False, name="pdlab")
@@ -256,23 +255,25 @@ class ClusterPool:
 
     def _find_workers(self) -> None:
         """Connect where that is needed, and wait for a worker. Raises WorkersLost after the patience."""
-        deadline, told = time.monotonic() + self.patience, ""
+        deadline = time.monotonic() + self.patience
+        told = "" if self._client.status == "running" else self._warn(NO_SCHEDULER)  # the first try may take long
         while True:
             try:
-                self._threads = self._count(deadline - time.monotonic())
-                now, in_the_end = NO_WORKER
+                self._threads, wrong = self._count(deadline - time.monotonic()), NO_WORKER
             except (OSError, RuntimeError) as error:  # RuntimeError: the client gives up just now
-                self._threads = 0
-                now, in_the_end = NO_SCHEDULER
+                self._threads, wrong = 0, NO_SCHEDULER
                 log.info("%s: %s", self.address, error)
             if self._threads:
                 return
             if time.monotonic() > deadline:
-                raise WorkersLost(in_the_end.format(self.address, self.patience))
-            if now != told:
-                log.warning(now.format(self.address, self.patience))
-                told = now
+                raise WorkersLost(wrong[1].format(self.address, self.patience))
+            if told != wrong[0]:
+                told = self._warn(wrong)
             time.sleep(LOOK)
+
+    def _warn(self, wrong: tuple[str, str]) -> str:
+        log.warning(wrong[0].format(self.address, self.patience))
+        return wrong[0]
 
     def _count(self, left: float) -> int:
         """Return the workers' threads, after a new connection where there is none. Raises OSError."""
@@ -291,15 +292,28 @@ class ClusterPool:
                 raise InputError(_no_pdlab(f"the worker {worker}", found))
 
 
-ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[(?P<six>[^]]+)]|(?P<host>[^:/\s]+)):(?P<port>\d{1,5})")
+ADDRESS = re.compile(r"(?:tcp|tls)://(?:\[[^]]+]|[^:/\s]+):\d{1,5}")
 
 
-def _parts(address: str) -> tuple[str, int]:
-    """Return the host and the port of a scheduler's address. Raises InputError when it is none."""
-    found = ADDRESS.fullmatch(address)
-    if found is None or int(found["port"]) > 65535:
+def _checked(address: str) -> str:
+    """Return a scheduler's address. Raises InputError when it is none."""
+    if ADDRESS.fullmatch(address) is None or int(address.rpartition(":")[2]) > 65535:
         raise InputError(f"{address!r} is no address of a scheduler; write it as tcp://HOST:PORT, the port mostly 8786")
-    return found["six"] or found["host"], int(found["port"])
+    return address
+
+
+async def _shake_hands(distributed: Any, address: str, timeout: float) -> None:
+    """Ask who is there: a client waits for ever for what is no scheduler. Raises OSError."""
+    safely = distributed.Security().get_connection_args("client")
+    there = distributed.rpc(address, timeout=timeout, connection_args=safely)
+    try:
+        found = await asyncio.wait_for(there.identity(), timeout)
+    except Exception as error:  # whatever becomes of reading what another program says
+        raise OSError(str(error) or f"nothing came back in {timeout:g} s") from error
+    finally:
+        await there.close_rpc()
+    if "workers" not in found:
+        raise OSError(f"there is a {found.get('type')}")
 
 
 def _distributed() -> Any:
