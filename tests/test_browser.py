@@ -59,8 +59,7 @@ def test_a_grading_entered_in_a_browser_is_found_in_the_store(served: str, tmp_p
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
         page = browser.new_page(viewport={"width": 1400, "height": 1400})
-        page.goto(served)
-        page.get_by_role("tab", name="New aggregate").click()
+        page.goto(f"{served}/new-aggregate")
         page.get_by_label("Name of the aggregate").fill("Kies 4/16")
         table = page.get_by_label("Sieve table")
         table.fill("31,5\t0\n16\t12o,5\n8\t800\n4\t79,5")

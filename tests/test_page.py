@@ -8,15 +8,17 @@ import pytest
 import streamlit as st
 from conftest import FormulaRunner
 from streamlit.testing.v1 import AppTest
+from streamlit.util import calc_hash
 
 import pdlab
 from pdlab import experiments
 from pdlab import store as store_module
 from pdlab.lab import SHIPPED
+from pdlab.page.app import HOME, VIEWS
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
 
-PAGE = Path(pdlab.__file__).with_name("page.py")
+PAGE = Path(pdlab.__file__).with_name("page") / "app.py"
 
 
 @pytest.fixture
@@ -29,8 +31,9 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     opened.close()
 
 
-def page() -> AppTest:
-    app = AppTest.from_file(str(PAGE), default_timeout=60)
+def page(address: str = "", script: Path = PAGE) -> AppTest:
+    app = AppTest.from_file(str(script), default_timeout=60)
+    app._page_hash = calc_hash(address) if address else ""  # switch_page knows views that are files alone
     app.run()
     assert not app.exception
     return app
@@ -68,8 +71,17 @@ def test_an_empty_store_greets_with_the_first_step(lab: Store) -> None:
     assert any("pdlab demo" in info.value for info in app.info)
 
 
+@pytest.mark.parametrize("script", [PAGE, Path(__file__).parent.parent / "app.py"], ids=["pdlab serve", "app.py"])
+def test_both_doors_lead_to_the_same_views(lab: Store, script: Path) -> None:
+    assert [page(address, script).title[0].value for address in ("", *VIEWS)] == [
+        VIEWS[HOME][0], *(title for title, _ in VIEWS.values()),
+    ]  # fmt: skip
+
+
 def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> None:
-    app = type_in(page(), name="Gravel 4/16", sieves="31,5\t0\n16\t120,5\n8\t800\n4\t79,5", sample_mass="1000")
+    app = type_in(
+        page("new-aggregate"), name="Gravel 4/16", sieves="31,5\t0\n16\t120,5\n8\t800\n4\t79,5", sample_mass="1000"
+    )
     app.selectbox(key="compaction").set_value("loose")
     type_in(app, density_value="1560,5", particle_density="2601", repeats="3", spread="10,0")
     assert [metric.value for metric in app.metric] == ["0.6000", "40.0"]
@@ -87,7 +99,7 @@ def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> Non
 
 
 def test_every_error_stands_beside_its_row_and_nothing_is_saved(lab: Store) -> None:
-    app = type_in(page(), name="Gravel", sieves="31,5 0\nsixteen 120\n8 80 4")
+    app = type_in(page("new-aggregate"), name="Gravel", sieves="31,5 0\nsixteen 120\n8 80 4")
     parsed = plain(app)[0]
     assert [text[:25] for text in parsed] == ["", "'sixteen' is no number; w", "3 values in this line; wr"]
     save(app)
@@ -107,7 +119,7 @@ def test_every_error_stands_beside_its_row_and_nothing_is_saved(lab: Store) -> N
     ],
 )
 def test_a_table_that_is_no_grading_is_named(lab: Store, sieves: str, mass: str, message: str) -> None:
-    app = type_in(page(), name="G", sieves=sieves, sample_mass=mass)
+    app = type_in(page("new-aggregate"), name="G", sieves=sieves, sample_mass=mass)
     rows, errors = plain(app)
     assert any(message in text for text in rows + errors), (rows, errors)
     assert stored(save_and_get(app, lab)) == []
@@ -119,19 +131,19 @@ def save_and_get(app: AppTest, lab: Store) -> Store:
 
 
 def test_a_density_outside_0_and_1_is_named(lab: Store) -> None:
-    app = type_in(page(), name="G", sieves="16 0\n8 100", density_value="2700", particle_density="2600")
+    app = type_in(page("new-aggregate"), name="G", sieves="16 0\n8 100", density_value="2700", particle_density="2600")
     assert any("outside (0, 1)" in text for text in plain(app)[1])
     assert stored(save_and_get(app, lab)) == []
 
 
 def test_an_aggregate_without_a_name_is_refused(lab: Store) -> None:
-    app = save(type_in(page(), sieves="16 0\n8 100"))
+    app = save(type_in(page("new-aggregate"), sieves="16 0\n8 100"))
     assert any("has no name" in error.value for error in app.error)
 
 
 def test_a_name_with_other_values_is_refused_with_the_remedy(lab: Store) -> None:
-    save(type_in(page(), name="G", sieves="16 0\n8 100", particle_density="2600"))
-    app = save(type_in(page(), name="G", sieves="16 0\n8 100", particle_density="2700"))
+    save(type_in(page("new-aggregate"), name="G", sieves="16 0\n8 100", particle_density="2600"))
+    app = save(type_in(page("new-aggregate"), name="G", sieves="16 0\n8 100", particle_density="2700"))
     assert any("give a new delivery its own name" in text for text in plain(app)[1])
 
 
@@ -169,34 +181,42 @@ def test_a_store_that_cannot_be_opened_is_a_sentence(tmp_path: Path, monkeypatch
 
 
 def test_an_empty_sieve_table_is_named_when_saved(lab: Store) -> None:
-    app = save(type_in(page(), name="G"))
+    app = save(type_in(page("new-aggregate"), name="G"))
     assert any("the sieve table is empty" in text for text in plain(app)[1])
 
 
 def test_a_density_test_without_a_value_is_named_and_not_lost(lab: Store) -> None:
-    app = save(type_in(page(), name="G", sieves="16 0\n8 100", repeats="3"))
+    app = save(type_in(page("new-aggregate"), name="G", sieves="16 0\n8 100", repeats="3"))
     assert any("the density test has no value" in text for text in plain(app)[1])
     assert stored(lab) == []
 
 
 def test_a_test_is_added_to_an_imported_aggregate_and_names_lose_their_blanks(lab: Store) -> None:
     experiments.register(lab, read_path(SHIPPED))
-    app = page()
+    app = page("new-aggregate")
     app.selectbox(key="density_kind").set_value("voids_percent")
     save(type_in(app, name=" pebbles L ", sieves="60,96 0\n40,64 100", density_value="39,5"))
     with lab.read() as session:
         row = store_module.aggregates(session, ["pebbles L"])[0]
     assert [test.voids_percent for test in row.packing_tests] == [40.0, 39.5]
-    save(type_in(page(), name="pebbles L", sieves="60,96 0\n40,64 100", density_value="1500", particle_density="2600"))
+    save(
+        type_in(
+            page("new-aggregate"),
+            name="pebbles L",
+            sieves="60,96 0\n40,64 100",
+            density_value="1500",
+            particle_density="2600",
+        )
+    )
     with lab.read() as session:
         row = store_module.aggregates(session, ["pebbles L"])[0]
     assert (row.particle_density_kg_m3, row.packing_tests[-1].bulk_density_kg_m3) == (2600.0, 1500.0)
 
 
 def test_the_first_delivery_s_test_does_not_go_to_a_later_one(lab: Store) -> None:
-    save(type_in(page(), name="G", sieves="16 0\n8 100"))
-    save(type_in(page(), name="G", delivery="May", sieves="16 0\n8 100"))
-    save(type_in(page(), name="G", sieves="16 0\n4 100"))
+    save(type_in(page("new-aggregate"), name="G", sieves="16 0\n8 100"))
+    save(type_in(page("new-aggregate"), name="G", delivery="May", sieves="16 0\n8 100"))
+    save(type_in(page("new-aggregate"), name="G", sieves="16 0\n4 100"))
     with lab.read() as session:
         found = {name: store_module.find_aggregate(session, "G", name) for name in ("", "May")}
         counts = {name: len(row.sieve_analyses) for name, row in found.items() if row is not None}
@@ -208,6 +228,6 @@ def test_a_density_out_of_reach_is_explained_beside_its_aggregate(lab: Store, tm
     (tmp_path / "packing_tests.csv").write_text("material,compaction,packing_density\npebbles L,loose,0.47\n")
     experiments.register(lab, read_path(tmp_path / "packing_tests.csv"))
     experiments.predict(lab, FormulaRunner(lab))
-    warned = [warning.value.replace("\\", "") for warning in page().warning]
+    warned = [warning.value.replace("\\", "") for address in ("", "aggregates") for warning in page(address).warning]
     assert any(text.startswith("pebbles L: packing density 0.47 is out of reach of 'monosized'") for text in warned)
     assert any(text.startswith("pebbles L+F 1:1: aggregate 'pebbles L' of mixture") for text in warned)

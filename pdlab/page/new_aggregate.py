@@ -1,14 +1,15 @@
-"""The page: enter an aggregate, see what the store holds, predicted against measured. No physics, no SQL."""
+"""Enter an aggregate: its sieve analysis and its density test, checked while they are typed."""
 
-import re
 from dataclasses import dataclass
 
 import pandas as pd
 import streamlit as st
 
-from pdlab import charts, density, experiments, store, tables
+from pdlab import charts, density, experiments, tables
 from pdlab.errors import InputError, PdlabError, TableError
 from pdlab.grading import KINDS, equivalent_diameter, make_grading
+from pdlab.page import links
+from pdlab.page.wording import plain
 from pdlab.quantities import heading
 from pdlab.store import Store
 
@@ -16,84 +17,7 @@ KIND_LABELS = {kind: heading(kind) for kind in KINDS}
 DENSITY_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
 BULK = tables.DENSITY_UNITS["bulk_density_kg_m3"]
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
-NEWEST = 200  # mixtures that are compared on the page; a docstring would be shown on it
 EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
-
-
-@st.cache_resource
-def _open(url: str) -> Store:
-    return store.open_store(url)
-
-
-def _plain(text: str) -> str:
-    """Return text that Markdown shows as it stands."""
-    return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", text)
-
-
-def main() -> None:
-    """Draw the page."""
-    st.set_page_config(page_title="pdlab", layout="wide")
-    st.title("pdlab: how densely will this mixture pack?")
-    try:
-        target = _open(store.store_url(None))
-    except InputError as error:
-        st.error(_plain(str(error)))
-        return
-    if saved := st.session_state.pop("saved", None):
-        st.success(_plain(saved))
-    compare, enter, shelf = st.tabs(["Predicted against measured", "New aggregate", "Aggregates"])
-    with compare:
-        _comparison(target)
-    with enter:
-        _entry(target)
-    with shelf:
-        _aggregates(target)
-
-
-def _comparison(target: Store) -> None:
-    reports = experiments.comparisons(target, newest=NEWEST)
-    if not reports:
-        st.info("The store holds no mixture yet. Run `pdlab demo` for an example, or `pdlab import` your own tables.")
-        return
-    if len({report.mixture for report in reports}) == NEWEST:
-        st.caption(f"The newest {NEWEST} mixtures; `pdlab ls predictions` lists all.")
-    methods = list(dict.fromkeys(report.method for report in reports if report.state != "open"))
-    if len(methods) > 1:
-        chosen = st.radio("Method", methods, horizontal=True, key="method")
-        reports = [report for report in reports if report.method == chosen or report.state == "open"]
-    compared = [report for report in reports if report.difference is not None]
-    left, right = st.columns([3, 2])
-    with left:
-        st.plotly_chart(charts.parity(reports), key="parity")
-        st.caption("Bands: ±0.01 and ±0.02. Bars: expected error of the prediction, standard error of the measurement.")
-    with right:
-        if compared:
-            own = sum(abs(report.difference or 0.0) for report in compared) / len(compared)
-            st.metric(f"Mean absolute error over {len(compared)} mixtures", f"{own:.4f}")
-            if all(report.volume_mean is not None for report in compared):  # a reference knows none
-                off = [abs((report.volume_mean or 0.0) - (report.measured or 0.0)) for report in compared]
-                st.metric("The same for the volume mean of the aggregates", f"{sum(off) / len(compared):.4f}")
-        for report in reports:
-            if report.message and report.state != "open":
-                st.warning(_plain(f"{report.mixture}: {report.message}"))
-        missing = [report.mixture for report in reports if report.state == "open"]
-        if missing:
-            st.info(f"Not predicted yet: {_plain(', '.join(missing))}. Run `pdlab predict`.")
-    frame = pd.DataFrame(
-        {
-            "mixture": [report.mixture for report in reports],
-            "method": [report.method for report in reports],
-            heading("predicted"): [report.packing_density for report in reports],
-            heading("standard_error"): [report.standard_error for report in reports],
-            heading("input_error"): [report.input_error for report in reports],
-            heading("expected_error"): [report.expected_error for report in reports],
-            heading("measured"): [report.measured for report in reports],
-            heading("measured_error"): [report.measured_error for report in reports],
-            heading("difference"): [report.difference for report in reports],
-        }
-    )
-    numbers = {name: st.column_config.NumberColumn(format="%.4f") for name in frame.columns[2:]}
-    st.dataframe(frame, hide_index=True, column_config=numbers, key="predictions")
 
 
 @dataclass
@@ -105,7 +29,8 @@ class _Entered:
     test: dict[str, str]
 
 
-def _entry(target: Store) -> None:
+def show(target: Store) -> None:
+    """Draw the view."""
     left, right = st.columns(2)
     with left:
         st.subheader("Sieve analysis")
@@ -158,27 +83,27 @@ def _preview(text: str, kind: str, mass: str, pan: str) -> tuple[bool, list[dict
     try:
         mass_g, pan_mm = _optional(mass, "sample mass", "g"), _optional(pan, "smallest grain in the pan", "mm")
     except InputError as error:
-        st.error(_plain(str(error)))
+        st.error(plain(str(error)))
         return False, []
     table, rows, whole = tables.check_pasted(rows, kind, mass_g, pan_mm)
     st.table(
         pd.DataFrame(
             {
                 "line": [str(row.line) for row in rows],
-                heading("aperture"): [_plain(_aperture(row)) for row in rows],
+                heading("aperture"): [plain(_aperture(row)) for row in rows],
                 KIND_LABELS[kind]: [f"{row.row.value:g}" if row.row else "" for row in rows],
-                "what is wrong": [_plain(row.error or "") for row in rows],
+                "what is wrong": [plain(row.error or "") for row in rows],
             }
         ),
         hide_index=True,
     )
     for error_text in whole:
-        st.error(_plain(error_text))
+        st.error(plain(error_text))
     if table is None:
         return False, []
     grading = make_grading(table)
     for warning in grading.warnings:
-        st.warning(_plain(warning))
+        st.warning(plain(warning))
     st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
     st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
     cells = [row.text for row in rows]
@@ -226,13 +151,13 @@ def _density_test() -> tuple[dict[str, str], dict[str, str], bool]:
     try:
         measured = _measured(kind, value, repeats, spread, particle, basis, absorption)
     except InputError as error:
-        st.error(_plain(str(error)))
+        st.error(plain(str(error)))
         return test, aggregate, False
     left, right = st.columns(2)
     left.metric("Packing density", f"{measured.packing_density:.4f}")
     right.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(measured.packing_density):.1f}")
     for warning in measured.warnings:
-        st.caption(_plain(warning))
+        st.caption(plain(warning))
     return test, aggregate, True
 
 
@@ -259,56 +184,9 @@ def _save(target: Store, entered: _Entered) -> None:
         experiments.register(target, tables.read_frames(frames))
     except TableError as error:
         for problem in error.problems:
-            st.error(_plain(problem.message if problem.column is None else f"{problem.column}: {problem.message}"))
+            st.error(plain(problem.message if problem.column is None else f"{problem.column}: {problem.message}"))
         return
     except PdlabError as error:
-        st.error(_plain(str(error)))
+        st.error(plain(str(error)))
         return
-    st.session_state["saved"] = f"saved: {entered.aggregate['name'].strip()}"
-    st.rerun()
-
-
-def _aggregates(target: Store) -> None:
-    known = experiments.summaries(target)
-    if not known:
-        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
-        return
-    frame = pd.DataFrame(
-        {
-            "aggregate": [one.name for one in known],
-            "delivery": [one.delivery for one in known],
-            heading("diameter"): [one.diameter for one in known],
-            heading("measured"): [one.measured.packing_density if one.measured else None for one in known],
-            heading("voids_percent"): [
-                density.voids_percent(one.measured.packing_density) if one.measured else None for one in known
-            ],
-            heading("friction"): [one.friction for one in known],
-            heading("friction_low"): [one.friction_low for one in known],
-            heading("friction_high"): [one.friction_high for one in known],
-            heading("rolling"): [one.rolling for one in known],
-            "method": [one.method for one in known],
-            "source": [one.source for one in known],
-        }
-    )
-    formats = {
-        heading("diameter"): "%.2f",
-        heading("measured"): "%.4f",
-        heading("voids_percent"): "%.1f",
-        heading("friction"): "%.4f",
-        heading("friction_low"): "%.3f",
-        heading("friction_high"): "%.3f",
-        heading("rolling"): "%.4f",
-    }
-    numbers = {name: st.column_config.NumberColumn(format=text) for name, text in formats.items()}
-    st.dataframe(frame, hide_index=True, column_config=numbers, key="shelf")
-    for one in known:
-        if one.message:
-            st.warning(_plain(f"{one.name}: {one.message}"))
-    gradings = {f"{one.name} {one.delivery}".strip(): one.grading for one in known if one.grading is not None}
-    shown = st.multiselect("Grading curves", list(gradings), default=list(gradings)[:5], key="shown")
-    if shown:
-        st.plotly_chart(charts.grading_curve({name: gradings[name] for name in shown}), key="curves")
-
-
-if __name__ == "__main__":
-    main()
+    links.go("aggregates", f"saved: {entered.aggregate['name'].strip()}")
