@@ -9,7 +9,21 @@ from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.drafts import Drafted, delete_draft, list_drafts, load_draft, save_draft
 from pdlab.experiments.effort import known_runs
+from pdlab.experiments.entering import (
+    AGGREGATE_TEXTS,
+    SIEVE_TEXTS,
+    TEST_TEXTS,
+    AggregateRead,
+    EnteredAggregate,
+    SievesRead,
+    TestRead,
+    entered_of,
+    read_entered,
+    register_entered,
+    sentences,
+)
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
@@ -34,14 +48,20 @@ from pdlab.experiments.wishes import (
 from pdlab.plan import RunAll
 
 __all__ = [
+    "AGGREGATE_TEXTS",
     "CHOICES",
     "METHODS",
     "REFERENCES",
+    "SIEVE_TEXTS",
+    "TEST_TEXTS",
+    "AggregateRead",
     "Asked",
     "Assumed",
     "CalibrationReport",
     "Compared",
     "Corrected",
+    "Drafted",
+    "EnteredAggregate",
     "Exported",
     "Facts",
     "MethodErrors",
@@ -51,7 +71,9 @@ __all__ = [
     "Report",
     "RunAll",
     "Sheet",
+    "SievesRead",
     "Summary",
+    "TestRead",
     "Theoretical",
     "Verified",
     "Way",
@@ -68,15 +90,23 @@ __all__ = [
     "correct",
     "counted",
     "delete",
+    "delete_draft",
+    "entered_of",
     "export_tables",
     "known_runs",
+    "list_drafts",
     "listed",
+    "load_draft",
     "measured_aggregate",
     "predict",
+    "read_entered",
     "refresh",
     "register",
     "register_each",
+    "register_entered",
     "report_on",
+    "save_draft",
+    "sentences",
     "sheet",
     "show",
     "summaries",

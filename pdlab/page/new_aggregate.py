@@ -1,192 +1,160 @@
-"""Enter an aggregate: its sieve analysis and its density test, checked while they are typed."""
+"""Enter an aggregate: its sieve analysis and its density tests, checked while they are typed, kept as a draft."""
 
-from dataclasses import dataclass
+import json
 
 import pandas as pd
 import streamlit as st
 
-from pdlab import charts, density, experiments, tables
-from pdlab.errors import InputError, PdlabError, TableError
-from pdlab.grading import KINDS, equivalent_diameter, make_grading
-from pdlab.page import links
+from pdlab import charts, experiments
+from pdlab.errors import PdlabError, UnknownName
+from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS, EnteredAggregate, SievesRead
+from pdlab.grading import equivalent_diameter
+from pdlab.page import density_tests, links, sieve_table
 from pdlab.page.wording import plain
 from pdlab.quantities import heading
 from pdlab.store import Store
 
-KIND_LABELS = {kind: heading(kind) for kind in KINDS}
-DENSITY_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
-BULK = tables.DENSITY_UNITS["bulk_density_kg_m3"]
+KIND = "aggregate"
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
-EXAMPLE = "31,5\t0\n16\t1240\n8\t2560\n4\t1150\npan\t50"
-
-
-@dataclass
-class _Entered:
-    """What the form holds, as text, by table."""
-
-    aggregate: dict[str, str]
-    sieves: list[dict[str, str]]
-    test: dict[str, str]
+OPEN, KEPT = "open_draft", "kept_content"  # the id of the draft that stands in the form, and what is kept of it
+SHOWN = 5  # drafts that are offered to be continued
 
 
 def show(target: Store) -> None:
     """Draw the view."""
-    left, right = st.columns(2)
+    _open(target)
+    if not st.session_state[OPEN]:
+        _offer_drafts(target)
+    texts = _material()
+    left, right = st.columns(2, gap="medium")
     with left:
         st.subheader("Sieve analysis")
-        name = st.text_input("Name of the aggregate", key="name")
-        delivery = st.text_input("Delivery (empty for the first)", key="delivery")
-        kind = st.selectbox(
-            "The second column holds", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key="kind"
-        )
-        text = st.text_area(
-            "Sieve table: aperture in mm (or pan) and value in each line; type or paste", key="sieves", height=220,
-            placeholder=EXAMPLE,
-        )  # fmt: skip
-        mass = pan = ""
-        if kind == "retained_g":
-            mass = st.text_input("Sample mass [g] (empty when unknown)", key="sample_mass")
-        pan = st.text_input("Smallest grain in the pan [mm] (empty when unknown)", key="pan_lower")
+        texts |= sieve_table.ask_texts()
+        sieves = sieve_table.ask_table()
+    st.subheader("Density tests")
+    boxes = density_tests.boxes()
+    tests = [density_tests.ask(box, k) for k, box in enumerate(boxes)]
+    st.button("Add a density test", on_click=density_tests.add, key="add_test")
+    entered = EnteredAggregate(texts, sieves, tests)
+    read = experiments.read_entered(entered)
     with right:
-        sound, sieves = _preview(text, kind, mass, pan)
-    test, aggregate, tested = _density_test()
+        _grading(read.sieves, texts["kind"])
+    for box, test in zip(boxes, read.tests, strict=True):
+        density_tests.say(box, test)
+    for sentence in read.wrong:
+        st.error(plain(sentence))
+    _keep(target, entered)
     if st.button("Save", type="primary", key="save"):
-        name, delivery = name.strip(), delivery.strip()
-        if not name:
-            st.error("the aggregate has no name; enter one")
-        elif not text.strip():
-            st.error("the sieve table is empty; enter at least one sieve with its aperture in mm")
-        elif not sound or not tested:
-            st.error("not saved: mend what is marked above first")
-        else:
-            extra = {"aggregate": name, "delivery": delivery, "sample_mass_g": mass, "pan_lower_mm": pan}
-            aggregate |= {"name": name, "delivery": delivery}
-            if test:
-                test |= {"material": f"aggregate:{name}", "delivery": delivery}
-            _save(target, _Entered(aggregate, [row | extra for row in sieves], test))
+        _save(target, entered)
 
 
-def _optional(text: str, what: str, unit: str) -> float | None:
-    try:
-        return tables.above_zero(unit)(text) if text.strip() else None
-    except InputError as error:
-        raise InputError(f"{what}: {error}") from error
+def _open(target: Store) -> None:
+    """Put the draft of the address into the form, or nothing where there is none."""
+    wanted = st.query_params.get("draft", "")
+    if st.session_state.get(OPEN) == wanted and "name" in st.session_state:  # texts go where a view is left
+        return
+    content = experiments.EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), "")).content()
+    if wanted:
+        try:
+            content = dict(experiments.load_draft(target, int(wanted)).content)
+        except (UnknownName, ValueError):
+            st.warning(plain(f"draft {wanted} is not there: it was saved or discarded. This is a new one."))
+            wanted = ""
+            st.query_params.pop("draft", None)
+    entered = experiments.entered_of(content)
+    for name in AGGREGATE_TEXTS:
+        st.session_state[name] = entered.texts[name]
+    st.session_state["density_basis"] = entered.texts["density_basis"] or "oven_dry"
+    sieve_table.fill(entered)
+    density_tests.fill(entered.tests)
+    st.session_state[OPEN], st.session_state[KEPT] = wanted, json.dumps(entered.content()) if wanted else ""
 
 
-def _preview(text: str, kind: str, mass: str, pan: str) -> tuple[bool, list[dict[str, str]]]:
-    """Show what a pasted sieve table says, its errors beside their rows; return whether it is sound."""
+def _offer_drafts(target: Store) -> None:
+    for draft in experiments.list_drafts(target, KIND, SHOWN):
+        name = experiments.entered_of(draft.content).texts["name"].strip() or "without a name"
+        first, second = st.columns([4, 1])
+        with first:
+            links.link(f"Continue the draft: {name}, {draft.saved_at:%Y-%m-%d %H:%M} UTC", "new-aggregate",
+                       draft=str(draft.id))  # fmt: skip
+        second.button("Discard", key=f"discard_{draft.id}", on_click=experiments.delete_draft, args=(target, draft.id))
+
+
+def _material() -> dict[str, str]:
+    """Ask for the aggregate itself; return its texts."""
+    name, delivery, dense, basis = st.columns(4)
+    name.text_input("Name of the aggregate", key="name")
+    delivery.text_input("Delivery (empty for the first)", key="delivery")
+    dense.text_input(
+        "Particle density [kg/m³]", key="particle_density_kg_m3", help="Turns a bulk density into a packing density."
+    )
+    basis.selectbox("Its basis", list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis")
+    wet, source, shape, repose, slip = st.columns(5)
+    wet.text_input("Absorption [%]", key="water_absorption_percent", help="Of water; needed unless oven-dry.")
+    source.text_input("Source", key="source", placeholder="quarry, supplier")
+    shape.text_input("Shape", key="shape")
+    repose.text_input("Repose angle [°]", key="repose_angle_deg", help="For the method repose only.")
+    slip.text_input("Slip angle [°]", key="wall_angle_deg", help="On the wall; for the method repose only.")
+    return {name: st.session_state[name] for name in AGGREGATE_TEXTS}
+
+
+def _grading(read: SievesRead, kind: str) -> None:
+    """Show what a sieve table says, its errors beside their rows."""
     st.subheader("Grading")
-    if not text.strip():
+    grading = read.grading
+    if not read.rows:
         st.caption("The grading curve is drawn here while you type.")
-        return False, []
-    rows = tables.read_pasted(text, kind)
-    try:
-        mass_g, pan_mm = _optional(mass, "sample mass", "g"), _optional(pan, "smallest grain in the pan", "mm")
-    except InputError as error:
-        st.error(plain(str(error)))
-        return False, []
-    table, rows, whole = tables.check_pasted(rows, kind, mass_g, pan_mm)
-    st.table(
-        pd.DataFrame(
+        return
+    passing = dict(zip(grading.apertures, grading.passing, strict=True)) if grading else {}
+    rows = [row for row in read.rows if row.row is not None or row.error]
+    if rows:
+        apertures = [row.row.aperture if row.row else None for row in rows]
+        frame = pd.DataFrame(
             {
-                "line": [str(row.line) for row in rows],
-                heading("aperture"): [plain(_aperture(row)) for row in rows],
-                KIND_LABELS[kind]: [f"{row.row.value:g}" if row.row else "" for row in rows],
+                "row": [str(row.line) for row in rows],
+                "sieve [mm]": [
+                    plain(_sieve(row.text, aperture)) for row, aperture in zip(rows, apertures, strict=True)
+                ],
+                heading(kind): [f"{row.row.value:g}" if row.row else "" for row in rows],
+                "passing [%]": [f"{100.0 * passing[a]:.1f}" if a in passing else "" for a in apertures],
                 "what is wrong": [plain(row.error or "") for row in rows],
             }
-        ),
-        hide_index=True,
-    )
-    for error_text in whole:
-        st.error(plain(error_text))
-    if table is None:
-        return False, []
-    grading = make_grading(table)
-    for warning in grading.warnings:
-        st.warning(plain(warning))
-    st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
-    st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
-    cells = [row.text for row in rows]
-    return True, [_cells(line, kind) for line in cells]
-
-
-def _aperture(row: tables.PastedRow) -> str:
-    """Return a row's aperture, or the line as it was typed where it could not be read."""
-    if row.row is None:
-        return row.text.strip()
-    return "pan" if row.row.aperture is None else f"{row.row.aperture:g}"
-
-
-def _cells(line: str, kind: str) -> dict[str, str]:
-    aperture, value = tables.split_pasted(line)
-    return {"aperture_mm": aperture, kind: value}
-
-
-def _density_test() -> tuple[dict[str, str], dict[str, str], bool]:
-    """Ask for a density test; return its cells, the aggregate's, and whether they are sound or absent."""
-    st.subheader("Density test")
-    first, second, third = st.columns(3)
-    with first:
-        kind = st.selectbox(
-            "Measured", list(DENSITY_LABELS), format_func=DENSITY_LABELS.__getitem__, key="density_kind"
         )
-        value = st.text_input("Value", key="density_value")
-    with second:
-        compaction = st.selectbox("Compaction", density.COMPACTIONS, key="compaction")
-        repeats = st.text_input("Repeats (empty when unknown)", key="repeats")
-        spread = st.text_input("Standard deviation, in the unit of the value (empty when unknown)", key="spread")
-    with third:
-        particle = st.text_input("Particle density [kg/m³] (needed for a bulk density)", key="particle_density")
-        basis = st.selectbox("Its basis", density.BASES, format_func=BASIS_LABELS.__getitem__, key="basis")
-        absorption = st.text_input("Water absorption [%] (needed unless oven-dry)", key="absorption")
-    aggregate = {
-        "particle_density_kg_m3": particle, "density_basis": basis if particle.strip() else "",
-        "water_absorption_percent": absorption,
-    }  # fmt: skip
-    if not value.strip():
-        if repeats.strip() or spread.strip():
-            st.error("the density test has no value; enter it, or empty its other fields")
-        return {}, aggregate, not (repeats.strip() or spread.strip())
-    test = {"compaction": compaction, kind: value, "repeats": repeats, "standard_deviation": spread}
-    try:
-        measured = _measured(kind, value, repeats, spread, particle, basis, absorption)
-    except InputError as error:
-        st.error(plain(str(error)))
-        return test, aggregate, False
-    left, right = st.columns(2)
-    left.metric("Packing density", f"{measured.packing_density:.4f}")
-    right.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(measured.packing_density):.1f}")
-    for warning in measured.warnings:
-        st.caption(plain(warning))
-    return test, aggregate, True
+        st.table(frame if any(row.error for row in rows) else frame.drop(columns="what is wrong"), hide_index=True)
+    for sentence in read.wrong:
+        st.error(plain(sentence))
+    if grading is not None:
+        for warning in grading.warnings:
+            st.warning(plain(warning))
+        st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
+        st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
 
 
-def _measured(
-    kind: str, value: str, repeats: str, spread: str, particle: str, basis: str, absorption: str
-) -> density.MeasuredPacking:
-    dry = None
-    if particle.strip():
-        wet = tables.parse_number(absorption, "%") if absorption.strip() else None
-        dry = density.oven_dry_density(tables.parse_number(particle, *BULK), basis, wet)
-    return density.measured_packing(
-        kind, tables.parse_number(value), dry,
-        tables.parse_integer(repeats) if repeats.strip() else None,
-        tables.parse_number(spread, *tables.DENSITY_UNITS[kind]) if spread.strip() else None,
-    )  # fmt: skip
+def _sieve(text: str, aperture: float | None) -> str:
+    """Return a sieve as it is read, or as it was typed where it could not be, and of the pan."""
+    return text.split("\t", maxsplit=1)[0] if aperture is None else f"{aperture:g}"
 
 
-def _save(target: Store, entered: _Entered) -> None:
+def _keep(target: Store, entered: EnteredAggregate) -> None:
+    """Keep what was changed since the last time as a draft, whose id stands in the address."""
+    content = json.dumps(entered.content())
+    number = st.session_state[OPEN]
+    if content == st.session_state[KEPT] or (not number and entered.is_blank):
+        return
+    number = str(experiments.save_draft(target, KIND, entered.content(), int(number) if number else None))
+    st.session_state[OPEN], st.session_state[KEPT] = number, content
+    st.query_params["draft"] = number
+
+
+def _save(target: Store, entered: EnteredAggregate) -> None:
     """Register what was entered: everything, or nothing and every problem."""
-    frames = {"aggregates": pd.DataFrame([entered.aggregate]), "sieves": pd.DataFrame(entered.sieves)}
-    if entered.test:
-        frames["packing_tests"] = pd.DataFrame([entered.test])
     try:
-        experiments.register(target, tables.read_frames(frames))
-    except TableError as error:
-        for problem in error.problems:
-            st.error(plain(problem.message if problem.column is None else f"{problem.column}: {problem.message}"))
-        return
+        experiments.register_entered(target, entered)
     except PdlabError as error:
-        st.error(plain(str(error)))
+        for sentence in experiments.sentences(error):
+            st.error(plain(sentence))
         return
-    links.go("aggregates", f"saved: {entered.aggregate['name'].strip()}")
+    if number := st.session_state.pop(OPEN):
+        experiments.delete_draft(target, int(number))
+    del st.session_state["name"]
+    links.go("aggregates", f"saved: {entered.texts['name'].strip()}")
