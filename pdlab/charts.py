@@ -1,6 +1,6 @@
 """Figures from plain data."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import plotly.graph_objects as go
 
@@ -9,6 +9,14 @@ from pdlab.grading import Grading
 from pdlab.quantities import label
 
 INK, SERIES, GRID, BAND = "#1f2933", "#1f6f8b", "#d9dee3", "rgba(31, 111, 139, 0.10)"
+
+LINES = ("#1f6f8b", "#d1495b", "#8a6d1d", "#3c7d4a", "#7a4fa3", "#c0660c", "#4a6fd1", "#8c5043")
+INKS = ("#7b8794", "#a3735f", "#6f8f6b")
+LIMITS = "rgba(209, 140, 29, 0.20)"
+LEAST_RATIO = 1.12
+"""Ratio of two sieves whose labels do not overlap."""
+Curve = tuple[Sequence[float], Sequence[float]]
+Limit = tuple[float, float, float]
 
 
 def _styled(figure: go.Figure, height: int) -> go.Figure:
@@ -24,26 +32,56 @@ def _plain(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
-def grading_curve(gradings: dict[str, Grading]) -> go.Figure:
-    """Return percent passing over aperture, log axis with the sieves as ticks, a line for each name."""
-    figure = go.Figure()
-    ticks = set[float]()
-    for raw, grading in gradings.items():
+def grading_curve(
+    gradings: Mapping[str, Grading], targets: Mapping[str, Curve] | None = None, limits: Sequence[Limit] = ()
+) -> go.Figure:
+    """Return percent passing over aperture, log axis with the sieves as ticks, a line for each name.
+
+    ``targets``: sizes [mm] and shares passing [-] to compare with, by name. ``limits``: a band of aperture [mm], least
+    and largest percent passing.
+    """
+    figure, ticks = go.Figure(), set[float]()
+    if limits:
+        _add_band(figure, limits)
+    for raw, (sizes, shares) in (targets or {}).items():
+        figure.add_scatter(
+            x=list(sizes), y=[100.0 * share for share in shares], mode="lines", name=_plain(raw),
+            line={"dash": "dash", "width": 1.5, "color": INKS[len(figure.data) % len(INKS)]}, hoverinfo="name",
+        )  # fmt: skip
+    for k, (raw, grading) in enumerate(gradings.items()):
         name = _plain(raw)
         passing = [100.0 * float(share) for share in grading.passing]
         ticks |= set(grading.apertures)
         figure.add_scatter(
-            x=list(grading.apertures), y=passing, mode="lines+markers", name=name,
+            x=list(grading.apertures), y=passing, mode="lines+markers", name=name, line_color=LINES[k % len(LINES)],
             hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
         )  # fmt: skip
-    values = sorted(ticks)
+    values = _apart(sorted(ticks))
     text = [f"{value:g}" for value in values]
     figure.update_xaxes(type="log", tickvals=values, ticktext=text, title=label("aperture"), gridcolor=GRID)
     figure.update_yaxes(range=[-2, 102], title=label("passing_percent"), gridcolor=GRID)
-    _styled(figure, 360)
-    if len(gradings) == 1:
-        figure.update_traces(line_color=SERIES)
-    return figure.update_layout(showlegend=len(gradings) > 1)
+    _styled(figure, 420)
+    named = len(gradings) > 1 or bool(targets or limits)
+    return figure.update_layout(showlegend=named, legend={"orientation": "h", "y": -0.25})
+
+
+def _add_band(figure: go.Figure, limits: Sequence[Limit]) -> None:
+    """Draw the band between the limits of a standard."""
+    apertures = [aperture for aperture, _, _ in limits]
+    highest, lowest = [high for _, _, high in limits], [low for _, low, _ in limits]
+    figure.add_scatter(
+        x=[*apertures, *apertures[::-1]], y=[*highest, *lowest[::-1]], mode="lines", fill="toself", fillcolor=LIMITS,
+        line={"width": 0}, name="ASTM C33 fine", hoverinfo="name",
+    )  # fmt: skip
+
+
+def _apart(values: Sequence[float]) -> list[float]:
+    """Return the rising sieves of which each is far enough from the last on the axis to be labelled."""
+    out = list[float]()
+    for value in values:
+        if not out or value >= LEAST_RATIO * out[-1]:
+            out.append(value)
+    return out
 
 
 def parity(reports: Sequence[PredictionReport]) -> go.Figure:

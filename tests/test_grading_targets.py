@@ -14,13 +14,16 @@ from pdlab.grading import (
     SieveTable,
     check,
     fineness_modulus,
+    indices,
     interpolated_sieves,
     make_grading,
     power_curve,
     retained_percents,
     size_at,
+    targets,
     uniformity,
 )
+from pdlab.quantities import QUANTITIES
 from pdlab.tables import parse_aperture
 
 SAND = ((9.5, 0.0), (4.75, 2.0), (2.36, 13.0), (1.18, 20.0), (0.6, 20.0), (0.3, 24.0), (0.15, 18.0), (None, 3.0))
@@ -88,3 +91,19 @@ def test_every_sieve_of_a_set_is_read_and_they_fall(name: str) -> None:
     assert None not in apertures
     assert apertures == sorted(apertures, key=lambda aperture: -(aperture or 0.0))
     assert len(set(apertures)) == len(apertures)
+
+
+def test_targets_reach_from_the_finest_to_the_largest_size() -> None:
+    found = targets(1.0, 16.0, 0.37)
+    for sizes, shares in found.values():
+        assert (sizes[0], sizes[-1], shares[-1]) == pytest.approx((1.0, 16.0, 1.0))
+    assert [found[name][1][0] for name in ("Fuller", "Andreassen", "0.45-power")] == pytest.approx(
+        [0.25, 16.0**-0.37, 16.0**-0.45]
+    )
+    with pytest.raises(GradingError, match="largest size 1 mm must be above the finest one, 2 mm"):
+        targets(2.0, 1.0, 0.37)
+
+
+def test_indices_are_named_as_quantities() -> None:
+    assert set(indices(graded(*SAND))) <= set(QUANTITIES)
+    assert indices(graded(*SAND))["fineness_astm"] == pytest.approx(2.83)

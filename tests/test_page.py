@@ -256,3 +256,39 @@ def test_a_density_out_of_reach_is_explained_beside_its_aggregate(lab: Store, tm
     warned = [warning.value.replace("\\", "") for address in ("", "aggregates") for warning in page(address).warning]
     assert any(text.startswith("pebbles L: packing density 0.47 is out of reach of 'monosized'") for text in warned)
     assert any(text.startswith("pebbles L+F 1:1: aggregate 'pebbles L' of mixture") for text in warned)
+
+
+def sand(lab: Store, folder: Path, count: int) -> None:
+    names = [f"Sand {k}" for k in range(count)]
+    (folder / "aggregates.csv").write_text("name\n" + "\n".join(names) + "\n")
+    lines = [f"{name},{line}" for name in names for line in ("4.75,0", "2.36,60", "1.18,38", "pan,2")]
+    (folder / "sieves.csv").write_text("aggregate,aperture_mm,retained_percent\n" + "\n".join(lines) + "\n")
+    experiments.register(lab, read_path(folder))
+
+
+def frame_of(app: AppTest, column: str) -> pd.DataFrame:
+    return next(block.value for block in (*app.dataframe, *app.table) if column in block.value.columns)
+
+
+def test_aggregates_are_found_by_a_part_of_their_name(lab: Store, tmp_path: Path) -> None:
+    sand(lab, tmp_path, 12)
+    app = page("aggregates")
+    assert len(frame_of(app, "aggregate")) == 12
+    app.text_input(key="search").set_value("sand 1").run()
+    assert sorted(frame_of(app, "aggregate")["aggregate"]) == ["Sand 1", "Sand 10", "Sand 11"]
+    app.text_input(key="search").set_value("gravel").run()
+    assert any("No aggregate's name holds 'gravel'" in info.value.replace("\\", "") for info in app.info)
+
+
+def test_gradings_are_overlaid_and_compared_with_targets(lab: Store, tmp_path: Path) -> None:
+    sand(lab, tmp_path, 2)
+    app = page("aggregates")
+    assert list(frame_of(app, "Sand 1").loc["D50 [mm]"]) == ["2.65", "2.65"]  # 2.36 (4.75/2.36)^(1/6)
+    retained = next(table.value for table in app.table if "pan" in table.value.index)
+    assert list(retained["Sand 0"]) == ["0.0", "60.0", "38.0", "2.0"]
+    app.multiselect(key="targets").set_value(["Fuller", "ASTM C33 fine"]).run()
+    app.text_input(key="largest").set_value("0,5").run()
+    assert any("largest size 0.5 mm must be above the finest one" in text for text in plain(app)[1])
+    app.text_input(key="largest").set_value("4,75").run()
+    assert not app.exception
+    assert not app.error

@@ -10,6 +10,7 @@ from pdlab.grading.diameters import (
 from pdlab.grading.indices import (
     FINENESS,
     fineness_modulus,
+    indices,
     interpolated_sieves,
     retained_percents,
     size_at,
@@ -30,7 +31,7 @@ from pdlab.grading.sieving import (
     passing_at,
     sieve_classes,
 )
-from pdlab.grading.targets import ASTM_C33_FINE, FULLER, POWER_045, power_curve
+from pdlab.grading.targets import ASTM_C33_FINE, FULLER, POWER_045, power_curve, targets
 
 __all__ = [
     "ASTM_C33_FINE",
@@ -53,6 +54,7 @@ __all__ = [
     "equivalent_diameter",
     "equivalent_diameters",
     "fineness_modulus",
+    "indices",
     "interpolated_sieves",
     "make_grading",
     "passing_at",
@@ -60,5 +62,6 @@ __all__ = [
     "retained_percents",
     "sieve_classes",
     "size_at",
+    "targets",
     "uniformity",
 ]

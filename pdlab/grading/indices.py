@@ -46,3 +46,10 @@ def interpolated_sieves(grading: Grading, standard: str = "ASTM C136") -> tuple[
 def retained_percents(grading: Grading) -> tuple[float, ...]:
     """Return the percent of the solids retained on each aperture but not on the coarser ones, shape (K + 1,)."""
     return (0.0, *(100.0 * share for share in grading.shares))
+
+
+def indices(grading: Grading) -> dict[str, float]:
+    """Return D10, D50, D60 [mm], the coefficient of uniformity and the fineness moduli by the names of quantities."""
+    sizes = {f"d{share}": size_at(grading, share / 100.0) for share in (10, 50, 60)}
+    moduli = {f"fineness_{standard.split()[0].lower()}": fineness_modulus(grading, standard) for standard in FINENESS}
+    return sizes | {"uniformity": uniformity(grading)} | moduli
