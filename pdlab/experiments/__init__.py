@@ -24,6 +24,15 @@ from pdlab.experiments.entering import (
     register_entered,
     sentences,
 )
+from pdlab.experiments.explaining import (
+    CurveNode,
+    DrawnCurve,
+    Explained,
+    Waiting,
+    ask_calibration,
+    explain,
+    waiting_calibration,
+)
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
@@ -35,7 +44,7 @@ from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
-from pdlab.experiments.ways import METHODS, Way
+from pdlab.experiments.ways import METHODS, OTHERS, Way
 from pdlab.experiments.wishes import (
     Asked,
     Report,
@@ -51,6 +60,7 @@ __all__ = [
     "AGGREGATE_TEXTS",
     "CHOICES",
     "METHODS",
+    "OTHERS",
     "REFERENCES",
     "SIEVE_TEXTS",
     "TEST_TEXTS",
@@ -60,8 +70,11 @@ __all__ = [
     "CalibrationReport",
     "Compared",
     "Corrected",
+    "CurveNode",
     "Drafted",
+    "DrawnCurve",
     "EnteredAggregate",
+    "Explained",
     "Exported",
     "Facts",
     "MethodErrors",
@@ -76,9 +89,11 @@ __all__ = [
     "TestRead",
     "Theoretical",
     "Verified",
+    "Waiting",
     "Way",
     "answered",
     "answering",
+    "ask_calibration",
     "ask_calibrations",
     "ask_predictions",
     "beds_to_run",
@@ -92,6 +107,7 @@ __all__ = [
     "delete",
     "delete_draft",
     "entered_of",
+    "explain",
     "export_tables",
     "known_runs",
     "list_drafts",
@@ -113,4 +129,5 @@ __all__ = [
     "to_calibrate",
     "to_predict",
     "verify",
+    "waiting_calibration",
 ]

@@ -77,7 +77,8 @@ def _list(target: Store, search: str) -> dict[int, str]:
 
 
 def _say(one: Summary) -> None:
-    """Say what stands against an aggregate's calibration."""
+    """Lead to an aggregate's calibration, and say what stands against it."""
+    links.link(f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id))
     if one.message:
         st.warning(plain(f"{one.name}: {one.message}"))
 

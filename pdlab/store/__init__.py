@@ -64,6 +64,7 @@ from pdlab.store.wishes import (
     end_wish,
     free_runs,
     release,
+    waiting_calibration,
     wish_states,
 )
 
@@ -138,6 +139,7 @@ __all__ = [
     "sizes",
     "store_url",
     "upgrade",
+    "waiting_calibration",
     "wish_states",
     "with_descent",
 ]
