@@ -1,3 +1,3 @@
-from pdlab.page import main
+from pdlab.page.app import main
 
 main()

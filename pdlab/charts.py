@@ -1,14 +1,23 @@
 """Figures from plain data."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+import numpy as np
 import plotly.graph_objects as go
 
-from pdlab.experiments import PredictionReport
+from pdlab.experiments import DrawnCurve, Explained, PredictionReport
 from pdlab.grading import Grading
 from pdlab.quantities import label
 
 INK, SERIES, GRID, BAND = "#1f2933", "#1f6f8b", "#d9dee3", "rgba(31, 111, 139, 0.10)"
+
+LINES = ("#1f6f8b", "#d1495b", "#8a6d1d", "#3c7d4a", "#7a4fa3", "#c0660c", "#4a6fd1", "#8c5043")
+INKS = ("#7b8794", "#a3735f", "#6f8f6b")
+LIMITS = "rgba(209, 140, 29, 0.20)"
+LEAST_RATIO = 1.12
+"""Ratio of two sieves whose labels do not overlap."""
+Curve = tuple[Sequence[float], Sequence[float]]
+Limit = tuple[float, float, float]
 
 
 def _styled(figure: go.Figure, height: int) -> go.Figure:
@@ -24,26 +33,56 @@ def _plain(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
-def grading_curve(gradings: dict[str, Grading]) -> go.Figure:
-    """Return percent passing over aperture, log axis with the sieves as ticks, a line for each name."""
-    figure = go.Figure()
-    ticks = set[float]()
-    for raw, grading in gradings.items():
+def grading_curve(
+    gradings: Mapping[str, Grading], targets: Mapping[str, Curve] | None = None, limits: Sequence[Limit] = ()
+) -> go.Figure:
+    """Return percent passing over aperture, log axis with the sieves as ticks, a line for each name.
+
+    ``targets``: sizes [mm] and shares passing [-] to compare with, by name. ``limits``: a band of aperture [mm], least
+    and largest percent passing.
+    """
+    figure, ticks = go.Figure(), set[float]()
+    if limits:
+        _add_band(figure, limits)
+    for raw, (sizes, shares) in (targets or {}).items():
+        figure.add_scatter(
+            x=list(sizes), y=[100.0 * share for share in shares], mode="lines", name=_plain(raw),
+            line={"dash": "dash", "width": 1.5, "color": INKS[len(figure.data) % len(INKS)]}, hoverinfo="name",
+        )  # fmt: skip
+    for k, (raw, grading) in enumerate(gradings.items()):
         name = _plain(raw)
         passing = [100.0 * float(share) for share in grading.passing]
         ticks |= set(grading.apertures)
         figure.add_scatter(
-            x=list(grading.apertures), y=passing, mode="lines+markers", name=name,
+            x=list(grading.apertures), y=passing, mode="lines+markers", name=name, line_color=LINES[k % len(LINES)],
             hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
         )  # fmt: skip
-    values = sorted(ticks)
+    values = _apart(sorted(ticks))
     text = [f"{value:g}" for value in values]
     figure.update_xaxes(type="log", tickvals=values, ticktext=text, title=label("aperture"), gridcolor=GRID)
     figure.update_yaxes(range=[-2, 102], title=label("passing_percent"), gridcolor=GRID)
-    _styled(figure, 360)
-    if len(gradings) == 1:
-        figure.update_traces(line_color=SERIES)
-    return figure.update_layout(showlegend=len(gradings) > 1)
+    _styled(figure, 420)
+    named = len(gradings) > 1 or bool(targets or limits)
+    return figure.update_layout(showlegend=named, legend={"orientation": "h", "y": -0.25})
+
+
+def _add_band(figure: go.Figure, limits: Sequence[Limit]) -> None:
+    """Draw the band between the limits of a standard."""
+    apertures = [aperture for aperture, _, _ in limits]
+    highest, lowest = [high for _, _, high in limits], [low for _, low, _ in limits]
+    figure.add_scatter(
+        x=[*apertures, *apertures[::-1]], y=[*highest, *lowest[::-1]], mode="lines", fill="toself", fillcolor=LIMITS,
+        line={"width": 0}, name="ASTM C33 fine", hoverinfo="name",
+    )  # fmt: skip
+
+
+def _apart(values: Sequence[float]) -> list[float]:
+    """Return the rising sieves of which each is far enough from the last on the axis to be labelled."""
+    out = list[float]()
+    for value in values:
+        if not out or value >= LEAST_RATIO * out[-1]:
+            out.append(value)
+    return out
 
 
 def parity(reports: Sequence[PredictionReport]) -> go.Figure:
@@ -70,3 +109,53 @@ def parity(reports: Sequence[PredictionReport]) -> go.Figure:
     figure.update_xaxes(range=[low, high], title=label("measured"), gridcolor=GRID, constrain="domain")
     figure.update_yaxes(range=[low, high], title=label("predicted"), gridcolor=GRID, scaleanchor="x")
     return _styled(figure, 520)
+
+
+def calibration_curve(known: Explained, curve: DrawnCurve) -> go.Figure:
+    """Return what is sought over the coefficient, spaced by its root: curve ± error, runs, nodes, what is measured.
+
+    The measured value ± its error lies across, the coefficient's interval upright.
+    """
+    figure = go.Figure()
+    x = [float(root) for root in np.sqrt(curve.values)]
+    high = [mean + error for mean, error in zip(curve.means, curve.errors, strict=True)]
+    low = [mean - error for mean, error in zip(curve.means, curve.errors, strict=True)]
+    figure.add_scatter(x=[*x, *x[::-1]], y=[*high, *low[::-1]], mode="lines", fill="toself", fillcolor=BAND,
+                       line={"width": 0}, hoverinfo="skip", name="± curve", showlegend=False)  # fmt: skip
+    figure.add_scatter(x=x, y=list(curve.means), mode="lines", line={"color": SERIES}, name="curve", hoverinfo="skip")
+    runs = [(float(np.sqrt(node.value)), run) for node in curve.nodes for run in node.runs]
+    figure.add_scatter(x=[at for at, _ in runs], y=[run for _, run in runs], mode="markers", name="runs",
+                       marker={"size": 5, "color": LINES[5], "opacity": 0.7})  # fmt: skip
+    figure.add_scatter(
+        x=[float(np.sqrt(node.value)) for node in curve.nodes], y=[node.mean for node in curve.nodes], mode="markers",
+        error_y={"type": "data", "array": [node.deviation for node in curve.nodes]}, name="mean ± deviation",
+        marker={"size": 8, "color": SERIES}, customdata=[[node.value, len(node.runs)] for node in curve.nodes],
+        hovertemplate="%{customdata[0]:g}: %{y:.4f}, %{customdata[1]} runs<extra></extra>",
+    )  # fmt: skip
+    _add_measured(figure, known)
+    nodes = _apart_by([node.value for node in curve.nodes])
+    figure.update_xaxes(tickvals=list(np.sqrt(nodes)), ticktext=[f"{value:g}" for value in nodes],
+                        title=label(curve.coefficient), gridcolor=GRID)  # fmt: skip
+    figure.update_yaxes(title=label(curve.sought), gridcolor=GRID)
+    return _styled(figure, 460).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.22})
+
+
+def _add_measured(figure: go.Figure, known: Explained) -> None:
+    """Draw what was measured, and where the curve meets it."""
+    if known.measured is not None and known.measured_error is not None:
+        figure.add_hrect(known.measured - known.measured_error, known.measured + known.measured_error,
+                         fillcolor=LIMITS, line_width=0)  # fmt: skip
+        figure.add_hline(known.measured, line={"color": LINES[5], "dash": "dash"}, annotation_text="measured")
+    if known.value is not None:
+        ends = [known.value if end is None else end for end in (known.low, known.high)]
+        figure.add_vrect(*(float(np.sqrt(end)) for end in ends), fillcolor=BAND, line_width=0)
+        figure.add_vline(float(np.sqrt(known.value)), line={"color": INK, "dash": "dot"})
+
+
+def _apart_by(values: Sequence[float]) -> list[float]:
+    """Return the nodes whose labels do not overlap on an axis spaced by the root."""
+    out = list[float]()
+    for value in values:
+        if not out or np.sqrt(value) - np.sqrt(out[-1]) >= 0.07:
+            out.append(value)
+    return out

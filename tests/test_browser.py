@@ -1,4 +1,4 @@
-"""A real headless Chromium enters a grading with a decimal comma, saves it, and it is in the store."""
+"""A real headless Chromium: a grid that is typed and pasted into, a file, a draft that survives a reload."""
 
 import os
 import re
@@ -10,6 +10,7 @@ import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,36 +53,79 @@ def served(tmp_path: Path) -> Iterator[str]:
         server.wait(20)
 
 
-def test_a_grading_entered_in_a_browser_is_found_in_the_store(served: str, tmp_path: Path) -> None:
+@pytest.fixture
+def page(served: str) -> Iterator[Any]:
+    """A browser's page on a new aggregate, whose clipboard may be used."""
     assert BROWSER is not None, f"PDLAB_REQUIRE_BROWSER=1 and no browser on the path ({', '.join(NAMES)})"
-    from playwright.sync_api import expect, sync_playwright
+    from playwright.sync_api import sync_playwright
 
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
-        page = browser.new_page(viewport={"width": 1400, "height": 1400})
-        page.goto(served)
-        page.get_by_role("tab", name="New aggregate").click()
-        page.get_by_label("Name of the aggregate").fill("Kies 4/16")
-        table = page.get_by_label("Sieve table")
-        table.fill("31,5\t0\n16\t12o,5\n8\t800\n4\t79,5")
-        table.press("Control+Enter")
-        expect(page.get_by_text("'12o,5' is no number")).to_be_visible(timeout=20_000)
-        table.fill("31,5\t0\n16\t120,5\n8\t800\n4\t79,5")
-        table.press("Control+Enter")
-        expect(page.get_by_text(re.compile(r"Equivalent diameter by the rule log_mean: \d+"))).to_be_visible(
-            timeout=20_000
-        )
-        page.get_by_label("Value", exact=True).fill("1560,5")
-        page.get_by_label("Particle density").fill("2601")
-        page.get_by_label("Particle density").press("Enter")
-        expect(page.get_by_text("0.6000")).to_be_visible(timeout=20_000)
-        page.get_by_role("button", name="Save").click()
-        expect(page.get_by_text("saved: Kies 4/16")).to_be_visible(timeout=20_000)
+        context = browser.new_context(viewport={"width": 1400, "height": 1400})
+        context.grant_permissions(["clipboard-read", "clipboard-write"])
+        opened = context.new_page()
+        opened.set_default_timeout(20_000)
+        opened.goto(f"{served}/new-aggregate")
+        yield opened
         browser.close()
+
+
+def cell(page: Any, row: int, column: int) -> None:
+    """Click at a cell of the grid: two columns beside the mark of the row, rows of 35 pixels."""
+    box = page.get_by_test_id("stDataFrame").first.bounding_box()
+    left = 40 + (box["width"] - 40) * (0.25 + 0.5 * column)
+    page.mouse.click(box["x"] + left, box["y"] + 35 * (row + 1.5))
+
+
+def type_cell(page: Any, row: int, column: int, text: str) -> None:
+    cell(page, row, column)
+    page.keyboard.press("Enter")
+    page.get_by_test_id("portal").locator("input,textarea").fill(text)
+    page.keyboard.press("Enter")
+
+
+def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(page: Any, tmp_path: Path) -> None:
+    from playwright.sync_api import expect
+
+    page.get_by_label("Name of the aggregate").fill("Kies 4/16")
+    page.evaluate("navigator.clipboard.writeText('31,5\\t0\\n16\\t12o,5\\n8\\t800\\n4\\t79,5')")
+    cell(page, 0, 0)
+    page.keyboard.press("Control+V")
+    expect(page.get_by_text("'12o,5' is no number")).to_be_visible(timeout=20_000)
+    page.wait_for_url(re.compile("draft="))
+    page.reload()
+    expect(page.get_by_text("'12o,5' is no number")).to_be_visible(timeout=20_000)
+    expect(page.get_by_label("Name of the aggregate")).to_have_value("Kies 4/16")
+    type_cell(page, 1, 1, "120,5")
+    diameter = re.compile(r"Equivalent diameter by the rule log_mean: \d+")
+    expect(page.get_by_text(diameter)).to_be_visible(timeout=20_000)
+    page.get_by_label("Value", exact=True).fill("1560,5")
+    page.get_by_role("textbox", name="Particle density").fill("2601")
+    page.get_by_role("textbox", name="Particle density").press("Enter")
+    expect(page.get_by_text("0.6000 ±")).to_be_visible(timeout=20_000)
+    page.get_by_role("button", name="Save").click()
+    expect(page.get_by_text("saved: Kies 4/16")).to_be_visible(timeout=20_000)
     opened = open_store(str(tmp_path / "lab.db"))
     with opened.read() as session:
         row = store_module.aggregates(session, ["Kies 4/16"])[0]
     opened.close()
     results = [(result.aperture_mm, result.retained_g) for result in row.sieve_analyses[0].results]
     assert results == [(31.5, 0.0), (16.0, 120.5), (8.0, 800.0), (4.0, 79.5)]
+    assert row.sieve_analyses[0].results[1].raw_text == "16\t120,5"
     assert row.packing_tests[0].bulk_density_kg_m3 == 1560.5
+
+
+def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:
+    from playwright.sync_api import expect
+
+    page.get_by_text("Fill from a text or a file").click()
+    content = b"aggregate;aperture_mm;passing_percent\nS;4;100\nS;2;40,5\nS;1;2\n"
+    page.get_by_test_id("stFileUploader").locator("input").set_input_files(
+        {"name": "sand.csv", "mimeType": "text/csv", "buffer": content}
+    )
+    shown = page.get_by_test_id("stTable")
+    expect(shown.get_by_text("40.5", exact=True).first).to_be_visible(timeout=20_000)
+    type_cell(page, 1, 1, "12,5")
+    expect(shown.get_by_text("12.5", exact=True).first).to_be_visible(timeout=20_000)
+    type_cell(page, 1, 1, "13,5")  # a second edit of the same cell
+    expect(shown.get_by_text("13.5", exact=True).first).to_be_visible(timeout=20_000)

@@ -2,7 +2,7 @@
 
 from pdlab import charts
 from pdlab.experiments import PredictionReport
-from pdlab.grading import SieveRow, SieveTable, make_grading
+from pdlab.grading import ASTM_C33_FINE, SieveRow, SieveTable, make_grading
 
 
 def test_a_grading_curve_has_the_sieves_as_ticks_on_a_log_axis() -> None:
@@ -12,6 +12,23 @@ def test_a_grading_curve_has_the_sieves_as_ticks_on_a_log_axis() -> None:
     assert list(figure.layout.xaxis.ticktext) == ["4", "8", "16"]
     assert [round(value, 9) for value in figure.data[0].y] == [100.0, 70.0, 0.0]
     assert "<b>" not in figure.data[0].hovertemplate + figure.data[0].name
+
+
+def test_targets_and_limits_stand_behind_the_gradings() -> None:
+    sand = make_grading(SieveTable((SieveRow(4.75, 0.0), SieveRow(2.36, 50.0), SieveRow(1.18, 50.0)), "retained_g"))
+    figure = charts.grading_curve({"S": sand}, {"Fuller": ([1.18, 4.75], [0.5, 1.0])}, ASTM_C33_FINE)
+    band, target, line = figure.data
+    assert (band.fill, target.line.dash, line.mode) == ("toself", "dash", "lines+markers")
+    assert [float(value) for value in target.y] == [50.0, 100.0]
+    assert max(band.x) == 9.5
+    assert list(figure.layout.xaxis.tickvals) == [1.18, 2.36, 4.75]
+
+
+def test_sieves_too_near_to_be_labelled_are_drawn_without_a_tick() -> None:
+    near = make_grading(SieveTable((SieveRow(16.0, 0.0), SieveRow(15.9, 50.0), SieveRow(8.0, 50.0)), "retained_g"))
+    figure = charts.grading_curve({"S": near})
+    assert list(figure.layout.xaxis.tickvals) == [8.0, 15.9]
+    assert len(figure.data[0].x) == 3
 
 
 def test_a_parity_chart_has_both_errors_and_one_range() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pdlab.tables import ParseError, parse_aperture, read_pasted
+from pdlab.tables import ParseError, parse_aperture, read_cells, split_lines
 from pdlab.tables.designations import INCHES, NUMBERED
 
 
@@ -51,17 +51,17 @@ def test_what_is_no_sieve_is_refused_and_the_nearest_are_named(text: str, senten
 @pytest.mark.parametrize("between", ["\t", "; ", "  "])
 def test_a_pasted_line_keeps_a_name_with_blanks_together(between: str) -> None:
     names = {"No. 4": 4.75, "1 1/2 in.": 37.5, '3/8 "': 9.5, "No. 3 1/2": 5.6, "63 µm": 0.063, "4 mm": 4.0}
-    rows = read_pasted("\n".join(f"{name}{between}120 g" for name in names), "retained_g")
+    rows = read_cells(split_lines("\n".join(f"{name}{between}120 g" for name in names)), "retained_g")
     assert [(row.row.aperture, row.row.value) for row in rows if row.row] == [(mm, 120.0) for mm in names.values()]
 
 
 def test_a_pasted_dotted_number_beside_decimal_commas_is_refused() -> None:
-    rows = read_pasted("31,5 0\n16 1.240\n8 12.5", "retained_g")
+    rows = read_cells(split_lines("31,5 0\n16 1.240\n8 12.5"), "retained_g")
     assert [row.error is None for row in rows] == [True, False, True]
     assert "'1.240' may be 1240 or 1.240, as '31,5' in this table has a decimal comma; write 1240 or 1.2400" in (
         rows[1].error or ""
     )
-    assert all(row.error is None for row in read_pasted("31.5 0\n16 1.240", "retained_g"))
+    assert all(row.error is None for row in read_cells(split_lines("31.5 0\n16 1.240"), "retained_g"))
 
 
 @given(st.text(max_size=40) | st.from_regex(r"(No\. ?|#)?[0-9 /.,-]{0,9} ?(in|µm|mm|\")?", fullmatch=True))

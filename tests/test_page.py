@@ -8,15 +8,19 @@ import pytest
 import streamlit as st
 from conftest import FormulaRunner
 from streamlit.testing.v1 import AppTest
+from streamlit.util import calc_hash
 
 import pdlab
 from pdlab import experiments
 from pdlab import store as store_module
+from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS
 from pdlab.lab import SHIPPED
+from pdlab.page import sieve_table
+from pdlab.page.app import HOME, VIEWS
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
 
-PAGE = Path(pdlab.__file__).with_name("page.py")
+PAGE = Path(pdlab.__file__).with_name("page") / "app.py"
 
 
 @pytest.fixture
@@ -29,25 +33,51 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     opened.close()
 
 
-def page() -> AppTest:
-    app = AppTest.from_file(str(PAGE), default_timeout=60)
+def page(address: str = "", script: Path = PAGE) -> AppTest:
+    app = AppTest.from_file(str(script), default_timeout=60)
+    app._page_hash = calc_hash(address) if address else ""  # switch_page knows views that are files alone
     app.run()
     assert not app.exception
     return app
 
 
-def type_in(app: AppTest, **texts: str) -> AppTest:
+def form(draft: str = "") -> AppTest:
+    app = AppTest.from_file(str(PAGE), default_timeout=60)
+    app._page_hash = calc_hash("new-aggregate")
+    if draft:
+        app.query_params["draft"] = draft
+    app.run()
+    assert not app.exception
+    return app
+
+
+def grid(app: AppTest, text: str) -> AppTest:
+    """Type a sieve table into the grid, cell by cell."""
+    edits = {k: dict(zip(("sieve", "value"), line.split(), strict=False)) for k, line in enumerate(text.splitlines())}
+    key = f"sieves_{app.session_state[sieve_table.TURN]}"
+    base = len(app.session_state[sieve_table.BASE])
+    app.session_state[key] = {
+        "edited_rows": {k: row for k, row in edits.items() if k < base},
+        "added_rows": [row for k, row in edits.items() if k >= base],
+        "deleted_rows": [],
+    }
+    return app
+
+
+def type_in(app: AppTest, sieves: str = "", **texts: str) -> AppTest:
+    if sieves:
+        grid(app, sieves)
     for key, text in texts.items():
-        widget = app.text_area(key=key) if key == "sieves" else app.text_input(key=key)
-        widget.set_value(text)
+        app.text_input(key=key if key in AGGREGATE_TEXTS + SIEVE_TEXTS else f"test_0_{key}").set_value(text)
     app.run()
     assert not app.exception
     return app
 
 
 def plain(app: AppTest) -> tuple[list[str], list[str]]:
-    """What stands beside the rows of the pasted table, and below it, without Markdown's escapes."""
-    rows = [text.replace("\\", "") for table in app.table for text in table.value["what is wrong"]]
+    """What stands beside the rows of the sieve table, and below it, without Markdown's escapes."""
+    tables = [table.value for table in app.table if "what is wrong" in table.value]
+    rows = [text.replace("\\", "") for table in tables for text in table["what is wrong"]]
     return rows, [error.value.replace("\\", "") for error in app.error]
 
 
@@ -68,11 +98,18 @@ def test_an_empty_store_greets_with_the_first_step(lab: Store) -> None:
     assert any("pdlab demo" in info.value for info in app.info)
 
 
+@pytest.mark.parametrize("script", [PAGE, Path(__file__).parent.parent / "app.py"], ids=["pdlab serve", "app.py"])
+def test_both_doors_lead_to_the_same_views(lab: Store, script: Path) -> None:
+    assert [page(address, script).title[0].value for address in ("", *VIEWS)] == [
+        VIEWS[HOME][0], *(title for title, _ in VIEWS.values()),
+    ]  # fmt: skip
+
+
 def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> None:
-    app = type_in(page(), name="Gravel 4/16", sieves="31,5\t0\n16\t120,5\n8\t800\n4\t79,5", sample_mass="1000")
-    app.selectbox(key="compaction").set_value("loose")
-    type_in(app, density_value="1560,5", particle_density="2601", repeats="3", spread="10,0")
-    assert [metric.value for metric in app.metric] == ["0.6000", "40.0"]
+    app = type_in(form(), name="Gravel 4/16", sieves="31,5\t0\n16\t120,5\n8\t800\n4\t79,5", sample_mass_g="1000")
+    app.selectbox(key="test_0_compaction").set_value("loose")
+    type_in(app, value="1560,5", particle_density_kg_m3="2601", repeats="3", standard_deviation="10,0")
+    assert [metric.value for metric in app.metric] == ["0.6000 ± 0.0022", "40.0"]
     save(app)
     assert any("saved: Gravel 4/16" in message.value.replace("\\", "") for message in app.success)
     with lab.read() as session:
@@ -87,9 +124,9 @@ def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> Non
 
 
 def test_every_error_stands_beside_its_row_and_nothing_is_saved(lab: Store) -> None:
-    app = type_in(page(), name="Gravel", sieves="31,5 0\nsixteen 120\n8 80 4")
+    app = type_in(form(), name="Gravel", sieves="31,5 0\nsixteen 120\n8 eighty")
     parsed = plain(app)[0]
-    assert [text[:25] for text in parsed] == ["", "'sixteen' is no number; w", "3 values in this line; wr"]
+    assert [text[:25] for text in parsed] == ["", "'sixteen' is no number; w", "'eighty' is no number; wr"]
     save(app)
     assert any("not saved" in error.value for error in app.error)
     assert stored(lab) == []
@@ -107,7 +144,7 @@ def test_every_error_stands_beside_its_row_and_nothing_is_saved(lab: Store) -> N
     ],
 )
 def test_a_table_that_is_no_grading_is_named(lab: Store, sieves: str, mass: str, message: str) -> None:
-    app = type_in(page(), name="G", sieves=sieves, sample_mass=mass)
+    app = type_in(form(), name="G", sieves=sieves, sample_mass_g=mass)
     rows, errors = plain(app)
     assert any(message in text for text in rows + errors), (rows, errors)
     assert stored(save_and_get(app, lab)) == []
@@ -119,19 +156,19 @@ def save_and_get(app: AppTest, lab: Store) -> Store:
 
 
 def test_a_density_outside_0_and_1_is_named(lab: Store) -> None:
-    app = type_in(page(), name="G", sieves="16 0\n8 100", density_value="2700", particle_density="2600")
+    app = type_in(form(), name="G", sieves="16 0\n8 100", value="2700", particle_density_kg_m3="2600")
     assert any("outside (0, 1)" in text for text in plain(app)[1])
     assert stored(save_and_get(app, lab)) == []
 
 
 def test_an_aggregate_without_a_name_is_refused(lab: Store) -> None:
-    app = save(type_in(page(), sieves="16 0\n8 100"))
+    app = save(type_in(form(), sieves="16 0\n8 100"))
     assert any("has no name" in error.value for error in app.error)
 
 
 def test_a_name_with_other_values_is_refused_with_the_remedy(lab: Store) -> None:
-    save(type_in(page(), name="G", sieves="16 0\n8 100", particle_density="2600"))
-    app = save(type_in(page(), name="G", sieves="16 0\n8 100", particle_density="2700"))
+    save(type_in(form(), name="G", sieves="16 0\n8 100", particle_density_kg_m3="2600"))
+    app = save(type_in(form(), name="G", sieves="16 0\n8 100", particle_density_kg_m3="2700"))
     assert any("give a new delivery its own name" in text for text in plain(app)[1])
 
 
@@ -169,34 +206,42 @@ def test_a_store_that_cannot_be_opened_is_a_sentence(tmp_path: Path, monkeypatch
 
 
 def test_an_empty_sieve_table_is_named_when_saved(lab: Store) -> None:
-    app = save(type_in(page(), name="G"))
+    app = save(type_in(form(), name="G"))
     assert any("the sieve table is empty" in text for text in plain(app)[1])
 
 
 def test_a_density_test_without_a_value_is_named_and_not_lost(lab: Store) -> None:
-    app = save(type_in(page(), name="G", sieves="16 0\n8 100", repeats="3"))
+    app = save(type_in(form(), name="G", sieves="16 0\n8 100", repeats="3"))
     assert any("the density test has no value" in text for text in plain(app)[1])
     assert stored(lab) == []
 
 
 def test_a_test_is_added_to_an_imported_aggregate_and_names_lose_their_blanks(lab: Store) -> None:
     experiments.register(lab, read_path(SHIPPED))
-    app = page()
-    app.selectbox(key="density_kind").set_value("voids_percent")
-    save(type_in(app, name=" pebbles L ", sieves="60,96 0\n40,64 100", density_value="39,5"))
+    app = form()
+    app.selectbox(key="test_0_kind").set_value("voids_percent")
+    save(type_in(app, name=" pebbles L ", sieves="60,96 0\n40,64 100", value="39,5"))
     with lab.read() as session:
         row = store_module.aggregates(session, ["pebbles L"])[0]
     assert [test.voids_percent for test in row.packing_tests] == [40.0, 39.5]
-    save(type_in(page(), name="pebbles L", sieves="60,96 0\n40,64 100", density_value="1500", particle_density="2600"))
+    save(
+        type_in(
+            form(),
+            name="pebbles L",
+            sieves="60,96 0\n40,64 100",
+            value="1500",
+            particle_density_kg_m3="2600",
+        )
+    )
     with lab.read() as session:
         row = store_module.aggregates(session, ["pebbles L"])[0]
     assert (row.particle_density_kg_m3, row.packing_tests[-1].bulk_density_kg_m3) == (2600.0, 1500.0)
 
 
 def test_the_first_delivery_s_test_does_not_go_to_a_later_one(lab: Store) -> None:
-    save(type_in(page(), name="G", sieves="16 0\n8 100"))
-    save(type_in(page(), name="G", delivery="May", sieves="16 0\n8 100"))
-    save(type_in(page(), name="G", sieves="16 0\n4 100"))
+    save(type_in(form(), name="G", sieves="16 0\n8 100"))
+    save(type_in(form(), name="G", delivery="May", sieves="16 0\n8 100"))
+    save(type_in(form(), name="G", sieves="16 0\n4 100"))
     with lab.read() as session:
         found = {name: store_module.find_aggregate(session, "G", name) for name in ("", "May")}
         counts = {name: len(row.sieve_analyses) for name, row in found.items() if row is not None}
@@ -208,6 +253,42 @@ def test_a_density_out_of_reach_is_explained_beside_its_aggregate(lab: Store, tm
     (tmp_path / "packing_tests.csv").write_text("material,compaction,packing_density\npebbles L,loose,0.47\n")
     experiments.register(lab, read_path(tmp_path / "packing_tests.csv"))
     experiments.predict(lab, FormulaRunner(lab))
-    warned = [warning.value.replace("\\", "") for warning in page().warning]
+    warned = [warning.value.replace("\\", "") for address in ("", "aggregates") for warning in page(address).warning]
     assert any(text.startswith("pebbles L: packing density 0.47 is out of reach of 'monosized'") for text in warned)
     assert any(text.startswith("pebbles L+F 1:1: aggregate 'pebbles L' of mixture") for text in warned)
+
+
+def sand(lab: Store, folder: Path, count: int) -> None:
+    names = [f"Sand {k}" for k in range(count)]
+    (folder / "aggregates.csv").write_text("name\n" + "\n".join(names) + "\n")
+    lines = [f"{name},{line}" for name in names for line in ("4.75,0", "2.36,60", "1.18,38", "pan,2")]
+    (folder / "sieves.csv").write_text("aggregate,aperture_mm,retained_percent\n" + "\n".join(lines) + "\n")
+    experiments.register(lab, read_path(folder))
+
+
+def frame_of(app: AppTest, column: str) -> pd.DataFrame:
+    return next(block.value for block in (*app.dataframe, *app.table) if column in block.value.columns)
+
+
+def test_aggregates_are_found_by_a_part_of_their_name(lab: Store, tmp_path: Path) -> None:
+    sand(lab, tmp_path, 12)
+    app = page("aggregates")
+    assert len(frame_of(app, "aggregate")) == 12
+    app.text_input(key="search").set_value("sand 1").run()
+    assert sorted(frame_of(app, "aggregate")["aggregate"]) == ["Sand 1", "Sand 10", "Sand 11"]
+    app.text_input(key="search").set_value("gravel").run()
+    assert any("No aggregate's name holds 'gravel'" in info.value.replace("\\", "") for info in app.info)
+
+
+def test_gradings_are_overlaid_and_compared_with_targets(lab: Store, tmp_path: Path) -> None:
+    sand(lab, tmp_path, 2)
+    app = page("aggregates")
+    assert list(frame_of(app, "Sand 1").loc["D50 [mm]"]) == ["2.65", "2.65"]  # 2.36 (4.75/2.36)^(1/6)
+    retained = next(table.value for table in app.table if "pan" in table.value.index)
+    assert list(retained["Sand 0"]) == ["0.0", "60.0", "38.0", "2.0"]
+    app.multiselect(key="targets").set_value(["Fuller", "ASTM C33 fine"]).run()
+    app.text_input(key="largest").set_value("0,5").run()
+    assert any("largest size 0.5 mm must be above the finest one" in text for text in plain(app)[1])
+    app.text_input(key="largest").set_value("4,75").run()
+    assert not app.exception
+    assert not app.error

@@ -10,7 +10,16 @@ from hypothesis import strategies as st
 
 from pdlab.errors import TableError
 from pdlab.lab import SHIPPED
-from pdlab.tables import ParseError, check_pasted, parse_integer, parse_number, read_frame, read_pasted, read_path
+from pdlab.tables import (
+    ParseError,
+    check_pasted,
+    parse_integer,
+    parse_number,
+    read_cells,
+    read_frame,
+    read_path,
+    split_lines,
+)
 
 
 @pytest.mark.parametrize(
@@ -129,8 +138,8 @@ def test_a_frame_reads_as_a_file_does() -> None:
 
 
 def test_pasted_lines_take_tabs_semicolons_blanks_units_and_the_pan() -> None:
-    rows = read_pasted("31,5\t0\n16 mm  1.240,0\n\n8;2560\n4 mm 1150 g\nPan 50", "retained_g")
-    assert [row.line for row in rows] == [1, 2, 4, 5, 6]
+    rows = read_cells(split_lines("31,5\t0\n16 mm  1.240,0\n\n8;2560\n4 mm 1150 g\nPan 50"), "retained_g")
+    assert [row.line for row in rows] == [1, 2, 3, 4, 5]
     assert rows[1].error is not None
     assert "'1.240,0' is no number" in rows[1].error
     values = [(row.row.aperture, row.row.value) for row in rows if row.row]
@@ -138,17 +147,19 @@ def test_pasted_lines_take_tabs_semicolons_blanks_units_and_the_pan() -> None:
 
 
 def test_errors_of_a_pasted_table_stand_beside_their_lines() -> None:
-    table, rows, whole = check_pasted(read_pasted("31,5 0\n8 5\n16 5", "retained_g"), "retained_g")
+    table, rows, whole = check_pasted(read_cells(split_lines("31,5 0\n8 5\n16 5"), "retained_g"), "retained_g")
     assert table is None
     assert [row.error is None for row in rows] == [True, True, False]
-    table, rows, whole = check_pasted(read_pasted("31,5 0\n16 500", "retained_g"), "retained_g", sample_mass=1000.0)
+    table, rows, whole = check_pasted(
+        read_cells(split_lines("31,5 0\n16 500"), "retained_g"), "retained_g", sample_mass=1000.0
+    )
     assert table is None
     assert "50 % off the sample mass" in whole[0]
 
 
 @given(st.text(max_size=200))
 def test_no_pasted_text_breaks_the_reader(text: str) -> None:
-    table, _, _ = check_pasted(read_pasted(text, "retained_g"), "retained_g")
+    table, _, _ = check_pasted(read_cells(split_lines(text), "retained_g"), "retained_g")
     assert table is None or table.rows
 
 

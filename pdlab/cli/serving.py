@@ -41,7 +41,7 @@ def serve(
     opened.close()
     if opened.created:
         print(f"made a new store: {opened.url}")
-    spec = importlib.util.find_spec("pdlab.page")
+    spec = importlib.util.find_spec("pdlab.page.app")
     assert spec is not None
     assert spec.origin is not None
     flags = {

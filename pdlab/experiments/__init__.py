@@ -9,7 +9,30 @@ from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.drafts import Drafted, delete_draft, list_drafts, load_draft, save_draft
 from pdlab.experiments.effort import known_runs
+from pdlab.experiments.entering import (
+    AGGREGATE_TEXTS,
+    SIEVE_TEXTS,
+    TEST_TEXTS,
+    AggregateRead,
+    EnteredAggregate,
+    SievesRead,
+    TestRead,
+    entered_of,
+    read_entered,
+    register_entered,
+    sentences,
+)
+from pdlab.experiments.explaining import (
+    CurveNode,
+    DrawnCurve,
+    Explained,
+    Waiting,
+    ask_calibration,
+    explain,
+    waiting_calibration,
+)
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
@@ -22,7 +45,7 @@ from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
-from pdlab.experiments.ways import METHODS, Way
+from pdlab.experiments.ways import METHODS, OTHERS, Way
 from pdlab.experiments.wishes import (
     Asked,
     Report,
@@ -36,14 +59,24 @@ from pdlab.experiments.wishes import (
 from pdlab.plan import RunAll
 
 __all__ = [
+    "AGGREGATE_TEXTS",
     "CHOICES",
     "METHODS",
+    "OTHERS",
     "REFERENCES",
+    "SIEVE_TEXTS",
+    "TEST_TEXTS",
+    "AggregateRead",
     "Asked",
     "Assumed",
     "CalibrationReport",
     "Compared",
     "Corrected",
+    "CurveNode",
+    "Drafted",
+    "DrawnCurve",
+    "EnteredAggregate",
+    "Explained",
     "Exported",
     "Facts",
     "MethodErrors",
@@ -53,13 +86,17 @@ __all__ = [
     "Report",
     "RunAll",
     "Sheet",
+    "SievesRead",
     "Summary",
     "SweepReport",
+    "TestRead",
     "Theoretical",
     "Verified",
+    "Waiting",
     "Way",
     "answered",
     "answering",
+    "ask_calibration",
     "ask_calibrations",
     "ask_predictions",
     "ask_sweep",
@@ -72,15 +109,24 @@ __all__ = [
     "correct",
     "counted",
     "delete",
+    "delete_draft",
+    "entered_of",
+    "explain",
     "export_tables",
     "known_runs",
+    "list_drafts",
     "listed",
+    "load_draft",
     "measured_aggregate",
     "predict",
+    "read_entered",
     "refresh",
     "register",
     "register_each",
+    "register_entered",
     "report_on",
+    "save_draft",
+    "sentences",
     "sheet",
     "show",
     "summaries",
@@ -89,4 +135,5 @@ __all__ = [
     "to_predict",
     "to_sweep",
     "verify",
+    "waiting_calibration",
 ]

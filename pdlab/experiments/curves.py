@@ -1,6 +1,6 @@
 """The curves of packing density, or angle, over friction that the store holds, and how calibrations grow them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from pdlab import calibration, store
 from pdlab.calibration import NODES, Curve, Ladder
@@ -44,6 +44,10 @@ class Curves:
     def reach(self, ladder: Ladder) -> tuple[float | None, float | None]:
         """Return the least and the largest value of a ladder, at its ends, None where that end is not simulated."""
         return calibration.reach(self._nodes[ladder], ladder.sought)
+
+    def runs(self, ladder: Ladder) -> Mapping[float, Sequence[Packing]]:
+        """Return a ladder's runs by node."""
+        return self._nodes[ladder]
 
     def evidence(self, ladder: Ladder) -> list[Packing]:
         """Return the runs that a ladder's curve rests on."""

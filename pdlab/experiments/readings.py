@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pdlab import angles, density, grading, store
@@ -239,6 +240,7 @@ class Summary:
     friction [-] where that was calibrated; ``method``: of the calibration.
     """
 
+    aggregate_id: int
     name: str
     delivery: str
     source: str | None
@@ -253,13 +255,13 @@ class Summary:
     message: str = ""
 
 
-def summaries(target: Store, engine_version: int | None = None) -> list[Summary]:
-    """Return what is known of each aggregate's newest delivery.
+def summaries(target: Store, engine_version: int | None = None, ids: Sequence[int] | None = None) -> list[Summary]:
+    """Return what is known of each aggregate's newest delivery, or of the deliveries with these ``ids``.
 
     A calibration of an older engine than ``engine_version``, by default the newest in the store, says so.
     """
     with target.read() as session:
-        rows = store.aggregates(session)
+        rows = store.aggregates(session) if ids is None else store.aggregates_by_id(session, ids)
         newest = engine_version or store.newest_engine(session)
         last: dict[int, Calibration] = {}
         for fit in store.calibrations(session, [row.id for row in rows]):
@@ -271,7 +273,7 @@ def summaries(target: Store, engine_version: int | None = None) -> list[Summary]
 def _summary(row: Aggregate, fit: Calibration | None, newest: int | None) -> Summary:
     sieved = current_grading(row)
     diameter = grading.equivalent_diameter(sieved) if sieved else None
-    known = Summary(row.name, row.delivery, row.source, sieved, diameter, measured_aggregate(row))
+    known = Summary(row.id, row.name, row.delivery, row.source, sieved, diameter, measured_aggregate(row))
     if fit is None:
         return known
     return replace(

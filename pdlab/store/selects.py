@@ -14,6 +14,7 @@ from pdlab.models import (
     Base,
     Calibration,
     Comparison,
+    Draft,
     Mixture,
     MixtureComponent,
     PackingTest,
@@ -375,3 +376,14 @@ def equal_results(session: Session, table: type[Result], facts: dict[str, Any], 
 def newest_test(tests: Sequence[PackingTest]) -> PackingTest | None:
     """Return the current density test of a material."""
     return max(tests, key=lambda test: test.id, default=None)
+
+
+def drafts(session: Session, kind: str, most: int) -> list[Draft]:
+    """Return the drafts of a kind that were saved last, the newest first."""
+    newest = sa.select(Draft).where(Draft.kind == kind).order_by(Draft.saved_at.desc(), Draft.id.desc())
+    return list(session.scalars(newest.limit(most)))
+
+
+def delete_draft(session: Session, draft_id: int) -> None:
+    """Delete a draft where there is one."""
+    session.execute(sa.delete(Draft).where(Draft.id == draft_id))

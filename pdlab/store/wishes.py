@@ -204,3 +204,10 @@ def free_runs(session: Session, digests: Sequence[str], who: str) -> None:
     session.execute(
         sa.update(Run).where(mine).values(state="queued", claimed_by=None, heartbeat=None), execution_options=options
     )
+
+
+def waiting_calibration(session: Session, aggregate_id: int) -> Calibration | None:
+    """Return the calibration of an aggregate that waits or is worked on, the last asked for; no variant."""
+    waiting = sa.and_(Calibration.state.in_(WAITING), Calibration.variant == "")
+    query = sa.select(Calibration).where(Calibration.aggregate_id == aggregate_id, waiting)
+    return session.scalars(query.order_by(Calibration.id.desc()).limit(1)).first()

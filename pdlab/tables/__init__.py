@@ -15,7 +15,8 @@ from pdlab.tables.layout import (
     SieveRecord,
     Tables,
 )
-from pdlab.tables.pasted import PastedRow, check_pasted, read_pasted, split_pasted
+from pdlab.tables.pasted import PastedRow, check_pasted, read_cells, split_lines, split_pasted
+from pdlab.tables.sievefiles import SieveSheet, read_sieve_file
 from pdlab.tables.slicing import Brought, Slice, Slices, slices, slices_of_frame
 from pdlab.tables.writing import check_target, write_tables
 
@@ -32,6 +33,7 @@ __all__ = [
     "PastedRow",
     "Row",
     "SieveRecord",
+    "SieveSheet",
     "Slice",
     "Slices",
     "Tables",
@@ -44,12 +46,14 @@ __all__ = [
     "parse_integer",
     "parse_number",
     "parse_order",
+    "read_cells",
     "read_frame",
     "read_frames",
-    "read_pasted",
     "read_path",
+    "read_sieve_file",
     "slices",
     "slices_of_frame",
+    "split_lines",
     "split_pasted",
     "write_tables",
 ]

@@ -1,4 +1,4 @@
-"""Sieves → size distribution → one equivalent diameter, by named rules.
+"""Sieves → size distribution.
 
 A sieve class lies between two apertures; its size is their geometric mean, its share is by solid
 volume. Grains of one rock have one density, so shares by mass are shares by solid volume.
@@ -6,7 +6,6 @@ volume. Grains of one rock have one density, so shares by mass are shares by sol
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ PAN_LIMIT = 0.10
 """Share that may fall into a pan without a lower size."""
 SMALLEST, LARGEST = 1e-4, 1e4
 """Apertures in mm outside which an entry is a typing error."""
-DEFAULT_RULE = "log_mean"
 
 
 @dataclass(frozen=True)
@@ -250,89 +248,3 @@ def passing_at(grading: Grading, aperture: float) -> float:
     """Return the share [-] that passes an ``aperture`` [mm], interpolated over its logarithm."""
     rising, log_aperture = grading.passing[::-1], np.log(grading.apertures)[::-1]
     return float(np.interp(math.log(aperture), log_aperture, rising, left=0.0, right=1.0))
-
-
-def _log_mean(grading: Grading) -> float:
-    return math.exp(float(np.dot(grading.shares, np.log(grading.sizes))))
-
-
-def _harmonic(grading: Grading) -> float:
-    return 1.0 / float(np.dot(grading.shares, 1.0 / grading.sizes))
-
-
-def _arithmetic(grading: Grading) -> float:
-    return float(np.dot(grading.shares, grading.sizes))
-
-
-def _number_volume(grading: Grading) -> float:
-    number = float(np.dot(grading.shares, grading.sizes**-3.0))
-    return math.pow(number, -1.0 / 3.0)
-
-
-def _d50(grading: Grading) -> float:
-    rising, log_aperture = grading.passing[::-1], np.log(grading.apertures)[::-1]
-    return math.exp(float(np.interp(0.5, rising, log_aperture)))
-
-
-BEYOND = math.log(1000.0)
-"""Logarithm of how many times beyond the sieves a fitted size may lie."""
-
-
-def _rrsb_d63(grading: Grading) -> float:
-    """Fit ln(-ln retained) = n (ln d - ln d63) to the sieves that neither all nor nothing passes."""
-    passing, apertures = grading.passing[: grading.sieves], np.array(grading.apertures[: grading.sieves])
-    inside = (passing > 0.0) & (passing < 1.0)
-    if inside.sum() < 2:
-        raise GradingError(
-            f"the rule rrsb_d63 needs 2 sieves that part of the material passes, this table has {inside.sum()}; "
-            "choose another rule, such as log_mean"
-        )
-    slope, offset = np.polyfit(np.log(apertures[inside]), np.log(-np.log(1.0 - passing[inside])), 1)
-    if not slope > 0.0:
-        raise GradingError("the rule rrsb_d63 finds no rising line through this table; choose log_mean")
-    size = -offset / slope
-    if not -BEYOND <= size - math.log(apertures[-1]) <= math.log(apertures[0] / apertures[-1]) + BEYOND:
-        raise GradingError(
-            f"the rule rrsb_d63 finds d63 more than {math.exp(BEYOND):.0f} times beyond this table's sieves; choose "
-            "log_mean"
-        )
-    return math.exp(size)
-
-
-RULES: dict[str, Callable[[Grading], float]] = {
-    "log_mean": _log_mean,
-    "harmonic": _harmonic,
-    "arithmetic": _arithmetic,
-    "number_volume": _number_volume,
-    "d50": _d50,
-    "rrsb_d63": _rrsb_d63,
-}
-"""Rules for the equivalent diameter: log_mean exp(Σ w ln d), as Dewar's theory weighs sizes;
-harmonic 1/Σ(w/d), Sauter's; arithmetic Σ w d; number_volume (Σ w/d³)^(−1/3); d50, interpolated over
-log aperture; rrsb_d63 of a Rosin-Rammler-Sperling-Bennett fit."""
-
-
-def equivalent_diameter(grading: Grading, rule: str = DEFAULT_RULE) -> float:
-    """Return the diameter [mm] of the equal spheres that stand for a grading, by a named rule.
-
-    Raises GradingError when the rule is unknown or cannot be applied.
-    """
-    check_rule(rule)
-    return RULES[rule](grading)
-
-
-def check_rule(rule: str) -> None:
-    """Raise GradingError unless there is a diameter rule of this name."""
-    if rule not in RULES:
-        raise GradingError(f"'{rule}' is no diameter rule; use one of {', '.join(RULES)}")
-
-
-def equivalent_diameters(grading: Grading, rules: Sequence[str] = tuple(RULES)) -> dict[str, float | None]:
-    """Return the diameter [mm] by each rule, None where a rule cannot be applied."""
-    out: dict[str, float | None] = {}
-    for rule in rules:
-        try:
-            out[rule] = equivalent_diameter(grading, rule)
-        except GradingError:
-            out[rule] = None
-    return out

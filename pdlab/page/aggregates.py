@@ -1,0 +1,145 @@
+"""The aggregates of the store: a list with a search, and their gradings beside each other and beside targets."""
+
+from collections.abc import Mapping, Sequence
+
+import pandas as pd
+import streamlit as st
+
+from pdlab import charts, experiments, tables
+from pdlab.errors import InputError
+from pdlab.experiments import Summary
+from pdlab.grading import ASTM_C33_FINE, Grading, indices, interpolated_sieves, retained_percents, targets
+from pdlab.page import links
+from pdlab.page.wording import plain
+from pdlab.quantities import heading
+from pdlab.store import Store
+
+LISTED, OVERLAID, FIRST = 200, 8, 3  # rows of the list; curves that may be and are overlaid
+COLUMNS = {
+    "aggregate": "aggregate",
+    "delivery": "delivery",
+    "finest_mm": "from [mm]",
+    "coarsest_mm": "to [mm]",
+    "diameter_mm": heading("diameter"),
+    "packing_density": heading("measured"),
+    "friction": heading("friction"),
+    "rolling_friction": heading("rolling"),
+    "method": "method",
+    "source": "source",
+}
+FORMATS = {"finest_mm": "%.4g", "coarsest_mm": "%.4g", "diameter_mm": "%.2f", "packing_density": "%.4f",
+           "friction": "%.4f", "rolling_friction": "%.4f"}  # fmt: skip
+C33 = "ASTM C33 fine"
+TARGETS = ("Fuller", "Andreassen", "0.45-power", C33)
+
+
+def show(target: Store) -> None:
+    """Draw the view."""
+    search, new = st.columns([3, 1], vertical_alignment="bottom")
+    text = search.text_input("Search by name", key="search")
+    with new:
+        links.link("Enter a new aggregate", "new-aggregate")
+    known = _list(target, text)
+    if not known:
+        return
+    shown = st.multiselect(
+        "Gradings to look at", list(known), default=list(known)[:FIRST], max_selections=OVERLAID,
+        format_func=known.__getitem__, key="shown",
+    )  # fmt: skip
+    chosen = experiments.summaries(target, ids=shown)
+    for one in chosen:
+        _say(one)
+    gradings = {_name(one.name, one.delivery): one.grading for one in chosen if one.grading is not None}
+    if gradings:
+        _compare(gradings)
+
+
+def _name(name: str, delivery: str) -> str:
+    return f"{name} {delivery}".strip()
+
+
+def _list(target: Store, search: str) -> dict[int, str]:
+    """Show the newest aggregates whose names hold a text; return these names by their ids."""
+    where = [f"aggregate~{search.strip()}"] if search.strip() else []
+    names = ["aggregate_id", *COLUMNS]
+    _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
+    if not rows and not where:
+        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+    elif not rows:
+        st.info(plain(f"No aggregate's name holds '{search.strip()}'."))
+    else:
+        if len(rows) == LISTED:
+            st.caption(f"The newest {LISTED}; search for others.")
+        frame = pd.DataFrame(rows, columns=names).drop(columns="aggregate_id").rename(columns=COLUMNS)
+        numbers = {COLUMNS[name]: st.column_config.NumberColumn(format=text) for name, text in FORMATS.items()}
+        st.dataframe(frame, hide_index=True, column_config=numbers, key="shelf", height=min(36 * (len(rows) + 1), 324))
+    return {row[0]: _name(row[1], row[2]) for row in rows}
+
+
+def _say(one: Summary) -> None:
+    """Lead to an aggregate's calibration, and say what stands against it."""
+    links.link(f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id))
+    if one.message:
+        st.warning(plain(f"{one.name}: {one.message}"))
+
+
+def _compare(gradings: Mapping[str, Grading]) -> None:
+    """Show gradings beside each other and beside the chosen targets."""
+    wanted, largest, exponent = _ask_targets(max(grading.apertures[0] for grading in gradings.values()))
+    finest = min(grading.apertures[-1] for grading in gradings.values())
+    try:
+        size = tables.above_zero("mm")(largest)
+        curves = targets(finest, size, tables.parse_number(exponent)) if wanted else {}
+    except InputError as error:
+        st.error(plain(str(error)))
+        curves = {}
+    beside = {name: curve for name, curve in curves.items() if name in wanted}
+    st.plotly_chart(charts.grading_curve(gradings, beside, ASTM_C33_FINE if C33 in wanted else ()), key="curves")
+    left, right = st.columns(2)
+    with left:
+        _indices(gradings)
+    with right:
+        _retained(gradings)
+
+
+def _ask_targets(coarsest: float) -> tuple[Sequence[str], str, str]:
+    """Ask what to compare with; return the targets, the largest size and Andreassen's exponent as texts."""
+    first, second, third = st.columns([3, 1, 1])
+    wanted = first.multiselect("Compare with", TARGETS, key="targets")
+    largest = second.text_input(
+        "Largest size D [mm]", key="largest", placeholder=f"{coarsest:g}",
+        help="Of the targets' curves (d/D)^q; when empty, the coarsest sieve of those shown.",
+    )  # fmt: skip
+    exponent = third.text_input("Andreassen's q", key="exponent", placeholder="0.37", help="0.37 when empty.")
+    return wanted, largest.strip() or f"{coarsest:g}", exponent.strip() or "0.37"
+
+
+def _indices(gradings: Mapping[str, Grading]) -> None:
+    st.subheader("Indices")
+    found = {
+        name: {heading(index): f"{value:.3g}" for index, value in indices(one).items()}
+        for name, one in gradings.items()
+    }
+    st.table(pd.DataFrame({plain(name): values for name, values in found.items()}))
+    between = {sieve for one in gradings.values() for sieve in interpolated_sieves(one)}
+    if between:
+        names = ", ".join(f"{sieve:g}" for sieve in sorted(between, reverse=True))
+        st.caption(
+            f"Of the fineness modulus by ASTM, what lies on the sieves {names} mm is interpolated where not sieved."
+        )
+
+
+def _retained(gradings: Mapping[str, Grading]) -> None:
+    st.subheader("Retained [%]")
+    columns = {
+        plain(name): dict(zip(_sieves(one), retained_percents(one), strict=True)) for name, one in gradings.items()
+    }
+    frame = pd.DataFrame(columns).sort_index(ascending=False)
+    frame = frame.map(lambda value: "" if pd.isna(value) else f"{value:.1f}")
+    frame.index = pd.Index([f"{aperture:g}" if aperture else "pan" for aperture in frame.index], name="sieve [mm]")
+    st.table(frame)
+
+
+def _sieves(grading: Grading) -> list[float]:
+    """Return a grading's sieves [mm], 0 for the pan."""
+    return [aperture if k < grading.sieves else 0.0 for k, aperture in enumerate(grading.apertures)]

@@ -1,0 +1,54 @@
+"""The page's script, which `pdlab serve` and app.py run: it opens the store and draws the view of the address."""
+
+from collections.abc import Callable
+from functools import partial
+
+import streamlit as st
+from streamlit.navigation.page import StreamlitPage
+
+from pdlab import store
+from pdlab.errors import InputError
+from pdlab.page import aggregates, calibration, links, new_aggregate, predicted_vs_measured
+from pdlab.page.wording import plain
+from pdlab.store import Store
+
+HOME = "predicted-vs-measured"
+VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
+    HOME: ("Predicted against measured", predicted_vs_measured.show),
+    "aggregates": ("Aggregates", aggregates.show),
+    "calibration": ("Calibration", calibration.show),
+    "new-aggregate": ("New aggregate", new_aggregate.show),
+}  # a docstring would be shown on the page; by address: title, what draws it
+
+
+@st.cache_resource
+def _open(url: str) -> Store:
+    return store.open_store(url)
+
+
+def main() -> None:
+    """Draw the page."""
+    st.set_page_config(page_title="pdlab", layout="wide")
+    try:
+        target = _open(store.store_url(None))
+    except InputError as error:
+        st.error(plain(str(error)))
+        return
+    pages = {address: _page(address, target) for address in VIEWS}
+    links.keep(pages)
+    st.navigation(list(pages.values())).run()
+
+
+def _page(address: str, target: Store) -> StreamlitPage:
+    title, show = VIEWS[address]
+    return st.Page(partial(_draw, title, show, target), title=title, url_path=address, default=address == HOME)
+
+
+def _draw(title: str, show: Callable[[Store], None], target: Store) -> None:
+    st.title(title)
+    links.said()
+    show(target)
+
+
+if __name__ == "__main__":
+    main()

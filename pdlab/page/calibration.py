@@ -1,0 +1,105 @@
+"""An aggregate's calibration: its curve and runs, what was measured, the coefficient; a wish for one."""
+
+import streamlit as st
+
+from pdlab import charts, experiments
+from pdlab.errors import UnknownName
+from pdlab.experiments import METHODS, OTHERS, Explained, Waiting
+from pdlab.page.wording import plain
+from pdlab.quantities import label
+from pdlab.store import Store
+
+LISTED, TICK = 200, 2.0  # aggregates to choose from; seconds between looks at a wish
+CHOSEN = "aggregate"
+WAYS = (OTHERS[1], *METHODS, OTHERS[0])  # auto first
+
+
+def show(target: Store) -> None:
+    """Draw the view."""
+    chosen = _choose(target)
+    if chosen is None:
+        return
+    try:
+        known = experiments.explain(target, chosen)
+    except UnknownName as error:
+        st.error(plain(str(error)))
+        return
+    waiting = experiments.waiting_calibration(target, chosen)
+    if waiting is None:
+        _ask(target, chosen)
+    else:
+        _watch(target, chosen, waiting)
+    _result(known)
+    if known.curve is None and known.measured is not None:
+        st.info("No bed of its curve is simulated yet.")
+    elif known.curve is not None:
+        st.plotly_chart(charts.calibration_curve(known, known.curve), key="curve")
+        st.caption(
+            "Across: the measured value ± its error. Upright: the coefficient's interval. The axis is spaced by the "
+            "root of the coefficient."
+        )
+
+
+def _choose(target: Store) -> int | None:
+    """Ask for an aggregate, the one of the address first; return its id."""
+    names = ["aggregate_id", "aggregate", "delivery"]
+    _, rows = experiments.listed(target, "aggregates", (), names, "-aggregate_id", LISTED)
+    known = {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
+    if not known:
+        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+        return None
+    asked = st.query_params.get("aggregate", "")
+    if asked.isdecimal():  # also one that is too old for the list
+        known.setdefault(int(asked), f"aggregate {asked}")
+        st.session_state.setdefault(CHOSEN, int(asked))
+    chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
+    st.query_params["aggregate"] = str(chosen)
+    return chosen
+
+
+def _result(known: Explained) -> None:
+    """Say the coefficient with its interval, the method and why, or why there is no calibration."""
+    if known.message:
+        st.warning(plain(known.message))
+    if known.value is not None and known.curve is not None:
+        first, second, third = st.columns(3)
+        first.metric(label(known.curve.coefficient).capitalize(), f"{known.value:.4f}")
+        ends = ["beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high)]
+        second.metric("Its interval", " to ".join(ends))
+        third.metric(
+            label(known.curve.sought).capitalize() + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
+        )
+    if known.method:
+        st.markdown(plain(f"Method {known.method}: {known.why}."))
+    for note in known.notes:
+        st.caption(plain(note))
+
+
+def _ask(target: Store, chosen: int) -> None:
+    """Offer to wish for a calibration."""
+    left, right = st.columns([1, 1], vertical_alignment="bottom")
+    method = left.selectbox("Method", WAYS, key="way", help="auto takes the first of the others that reaches the test.")
+    if right.button("Calibrate", type="primary", key="calibrate"):
+        if refused := experiments.ask_calibration(target, chosen, method):
+            st.error(plain(refused))
+        else:
+            st.rerun()
+
+
+def _watch(target: Store, chosen: int, waiting: Waiting) -> None:
+    """Show how far a wish is, beside a button that cancels it."""
+    left, right = st.columns([3, 1], vertical_alignment="center")
+    with left:
+        _progress(target, chosen)
+    if right.button("Cancel", key="cancel"):
+        experiments.cancel(target, [waiting.key])
+        st.rerun()
+
+
+@st.fragment(run_every=TICK)
+def _progress(target: Store, chosen: int) -> None:
+    waiting = experiments.waiting_calibration(target, chosen)
+    if waiting is None:
+        st.rerun()
+    said = "queued: it begins when a runner takes it up" if waiting.state == "queued" else "running"
+    st.progress(waiting.progress, text=f"{waiting.method}, {said}, {100.0 * waiting.progress:.0f} %")

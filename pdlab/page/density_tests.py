@@ -1,0 +1,75 @@
+"""The density tests in the form: their texts, and the packing density and voids derived while they are typed."""
+
+from collections.abc import Mapping, Sequence
+
+import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
+
+from pdlab import density, tables
+from pdlab.density import COMPACTIONS
+from pdlab.experiments import TEST_TEXTS, TestRead
+from pdlab.page.wording import plain
+from pdlab.quantities import heading
+
+COUNT = "density_tests"
+KIND_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
+CHOICES = {"kind": tables.DENSITY_KINDS[0], "compaction": COMPACTIONS[0]}
+
+
+def fill(tests: Sequence[Mapping[str, str]]) -> None:
+    """Put the density tests of a draft into the widgets, before they are drawn; an empty one where there is none."""
+    st.session_state[COUNT] = 0
+    for test in tests or [dict.fromkeys(TEST_TEXTS, "")]:
+        _put(st.session_state[COUNT], test)
+        st.session_state[COUNT] += 1
+
+
+def add() -> None:
+    """Add an empty density test."""
+    _put(st.session_state[COUNT], dict.fromkeys(TEST_TEXTS, ""))
+    st.session_state[COUNT] += 1
+
+
+def boxes() -> list[DeltaGenerator]:
+    """Draw a frame for each density test."""
+    return [st.container(border=True) for _ in range(st.session_state[COUNT])]
+
+
+def ask(box: DeltaGenerator, k: int) -> dict[str, str]:
+    """Ask for a density test within its frame; return its texts."""
+    columns = box.columns([4, 3, 3, 3, 3])
+    columns[0].selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key=_key(k, "kind"))
+    columns[0].text_input("Value", key=_key(k, "value"))
+    columns[1].selectbox("Compaction", COMPACTIONS, key=_key(k, "compaction"))
+    columns[1].text_input("Moisture [%]", key=_key(k, "moisture_percent"))
+    columns[2].text_input("Repeats", key=_key(k, "repeats"))
+    columns[2].text_input("Deviation", key=_key(k, "standard_deviation"),
+                          help="Standard deviation of single tests, in the unit of the value.")  # fmt: skip
+    columns[3].text_input("Container Ø [mm]", key=_key(k, "container_diameter_mm"))
+    columns[3].text_input("Its height [mm]", key=_key(k, "container_height_mm"))
+    columns[4].text_input("Standard", key=_key(k, "standard"), placeholder="EN 1097-3, ASTM C29")
+    columns[4].text_input("Date", key=_key(k, "date"), placeholder="2026-03-31")
+    return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}
+
+
+def say(box: DeltaGenerator, read: TestRead) -> None:
+    """Say what a density test means, or what is wrong with it, within its frame."""
+    for sentence in read.wrong:
+        box.error(plain(sentence))
+    if read.measured is None:
+        return
+    left, right = box.columns(2)
+    packing = read.measured.packing_density
+    left.metric("Packing density", f"{packing:.4f} ± {read.measured.standard_error:.4f}")
+    right.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(packing):.1f}")
+    for warning in read.measured.warnings:
+        box.caption(plain(warning))
+
+
+def _key(k: int, name: str) -> str:
+    return f"test_{k}_{name}"
+
+
+def _put(k: int, test: Mapping[str, str]) -> None:
+    for name in TEST_TEXTS:
+        st.session_state[_key(k, name)] = test[name] or CHOICES.get(name, "")

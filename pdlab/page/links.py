@@ -1,0 +1,33 @@
+"""Ways from one view to another, and what is said there on arrival."""
+
+from collections.abc import Mapping
+from typing import NoReturn
+
+import streamlit as st
+from streamlit.navigation.page import StreamlitPage
+
+from pdlab.page.wording import plain
+
+PAGES, SAID = "pages", "said"
+
+
+def keep(pages: Mapping[str, StreamlitPage]) -> None:
+    """Keep the pages by their addresses for this run's links."""
+    st.session_state[PAGES] = dict(pages)
+
+
+def link(label: str, address: str, **query: str) -> None:
+    """Draw a link to the view at an address, with what stands behind its question mark."""
+    st.page_link(st.session_state[PAGES][address], label=plain(label), query_params=query or None)
+
+
+def go(address: str, sentence: str = "", **query: str) -> NoReturn:
+    """Open the view at an address and say a sentence there."""
+    st.session_state[SAID] = sentence
+    st.switch_page(st.session_state[PAGES][address], query_params=query or None)
+
+
+def said() -> None:
+    """Say the sentence that another view has left, once."""
+    if sentence := st.session_state.pop(SAID, ""):
+        st.success(plain(sentence))

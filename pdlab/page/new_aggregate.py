@@ -1,0 +1,160 @@
+"""Enter an aggregate: its sieve analysis and its density tests, checked while they are typed, kept as a draft."""
+
+import json
+
+import pandas as pd
+import streamlit as st
+
+from pdlab import charts, experiments
+from pdlab.errors import PdlabError, UnknownName
+from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS, EnteredAggregate, SievesRead
+from pdlab.grading import equivalent_diameter
+from pdlab.page import density_tests, links, sieve_table
+from pdlab.page.wording import plain
+from pdlab.quantities import heading
+from pdlab.store import Store
+
+KIND = "aggregate"
+BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
+OPEN, KEPT = "open_draft", "kept_content"  # the id of the draft that stands in the form, and what is kept of it
+SHOWN = 5  # drafts that are offered to be continued
+
+
+def show(target: Store) -> None:
+    """Draw the view."""
+    _open(target)
+    if not st.session_state[OPEN]:
+        _offer_drafts(target)
+    texts = _material()
+    left, right = st.columns(2, gap="medium")
+    with left:
+        st.subheader("Sieve analysis")
+        texts |= sieve_table.ask_texts()
+        sieves = sieve_table.ask_table()
+    st.subheader("Density tests")
+    boxes = density_tests.boxes()
+    tests = [density_tests.ask(box, k) for k, box in enumerate(boxes)]
+    st.button("Add a density test", on_click=density_tests.add, key="add_test")
+    entered = EnteredAggregate(texts, sieves, tests)
+    read = experiments.read_entered(entered)
+    with right:
+        _grading(read.sieves, texts["kind"])
+    for box, test in zip(boxes, read.tests, strict=True):
+        density_tests.say(box, test)
+    for sentence in read.wrong:
+        st.error(plain(sentence))
+    _keep(target, entered)
+    if st.button("Save", type="primary", key="save"):
+        _save(target, entered)
+
+
+def _open(target: Store) -> None:
+    """Put the draft of the address into the form, or nothing where there is none."""
+    wanted = st.query_params.get("draft", "")
+    if st.session_state.get(OPEN) == wanted and "name" in st.session_state:  # texts go where a view is left
+        return
+    content = experiments.EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), "")).content()
+    if wanted:
+        try:
+            content = dict(experiments.load_draft(target, int(wanted)).content)
+        except (UnknownName, ValueError):
+            st.warning(plain(f"draft {wanted} is not there: it was saved or discarded. This is a new one."))
+            wanted = ""
+            st.query_params.pop("draft", None)
+    entered = experiments.entered_of(content)
+    for name in AGGREGATE_TEXTS:
+        st.session_state[name] = entered.texts[name]
+    st.session_state["density_basis"] = entered.texts["density_basis"] or "oven_dry"
+    sieve_table.fill(entered)
+    density_tests.fill(entered.tests)
+    st.session_state[OPEN], st.session_state[KEPT] = wanted, json.dumps(entered.content()) if wanted else ""
+
+
+def _offer_drafts(target: Store) -> None:
+    for draft in experiments.list_drafts(target, KIND, SHOWN):
+        name = experiments.entered_of(draft.content).texts["name"].strip() or "without a name"
+        first, second = st.columns([4, 1])
+        with first:
+            links.link(f"Continue the draft: {name}, {draft.saved_at:%Y-%m-%d %H:%M} UTC", "new-aggregate",
+                       draft=str(draft.id))  # fmt: skip
+        second.button("Discard", key=f"discard_{draft.id}", on_click=experiments.delete_draft, args=(target, draft.id))
+
+
+def _material() -> dict[str, str]:
+    """Ask for the aggregate itself; return its texts."""
+    name, delivery, dense, basis = st.columns(4)
+    name.text_input("Name of the aggregate", key="name")
+    delivery.text_input("Delivery (empty for the first)", key="delivery")
+    dense.text_input(
+        "Particle density [kg/m³]", key="particle_density_kg_m3", help="Turns a bulk density into a packing density."
+    )
+    basis.selectbox("Its basis", list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis")
+    wet, source, shape, repose, slip = st.columns(5)
+    wet.text_input("Absorption [%]", key="water_absorption_percent", help="Of water; needed unless oven-dry.")
+    source.text_input("Source", key="source", placeholder="quarry, supplier")
+    shape.text_input("Shape", key="shape")
+    repose.text_input("Repose angle [°]", key="repose_angle_deg", help="For the method repose only.")
+    slip.text_input("Slip angle [°]", key="wall_angle_deg", help="On the wall; for the method repose only.")
+    return {name: st.session_state[name] for name in AGGREGATE_TEXTS}
+
+
+def _grading(read: SievesRead, kind: str) -> None:
+    """Show what a sieve table says, its errors beside their rows."""
+    st.subheader("Grading")
+    grading = read.grading
+    if not read.rows:
+        st.caption("The grading curve is drawn here while you type.")
+        return
+    passing = dict(zip(grading.apertures, grading.passing, strict=True)) if grading else {}
+    rows = [row for row in read.rows if row.row is not None or row.error]
+    if rows:
+        apertures = [row.row.aperture if row.row else None for row in rows]
+        frame = pd.DataFrame(
+            {
+                "row": [str(row.line) for row in rows],
+                "sieve [mm]": [
+                    plain(_sieve(row.text, aperture)) for row, aperture in zip(rows, apertures, strict=True)
+                ],
+                heading(kind): [f"{row.row.value:g}" if row.row else "" for row in rows],
+                "passing [%]": [f"{100.0 * passing[a]:.1f}" if a in passing else "" for a in apertures],
+                "what is wrong": [plain(row.error or "") for row in rows],
+            }
+        )
+        st.table(frame if any(row.error for row in rows) else frame.drop(columns="what is wrong"), hide_index=True)
+    for sentence in read.wrong:
+        st.error(plain(sentence))
+    if grading is not None:
+        for warning in grading.warnings:
+            st.warning(plain(warning))
+        st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
+        st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
+
+
+def _sieve(text: str, aperture: float | None) -> str:
+    """Return a sieve as it is read, or as it was typed where it could not be, and of the pan."""
+    return text.split("\t", maxsplit=1)[0] if aperture is None else f"{aperture:g}"
+
+
+def _keep(target: Store, entered: EnteredAggregate) -> None:
+    """Keep what was changed since the last time as a draft, whose id stands in the address."""
+    content = json.dumps(entered.content())
+    number = st.session_state[OPEN]
+    if content == st.session_state[KEPT] or (not number and entered.is_blank):
+        return
+    number = str(experiments.save_draft(target, KIND, entered.content(), int(number) if number else None))
+    st.session_state[OPEN], st.session_state[KEPT] = number, content
+    st.query_params["draft"] = number
+
+
+def _save(target: Store, entered: EnteredAggregate) -> None:
+    """Register what was entered: everything, or nothing and every problem."""
+    try:
+        experiments.register_entered(target, entered)
+    except PdlabError as error:
+        for sentence in experiments.sentences(error):
+            st.error(plain(sentence))
+        return
+    if number := st.session_state.pop(OPEN):
+        experiments.delete_draft(target, int(number))
+    del st.session_state["name"]
+    links.go("aggregates", f"saved: {entered.texts['name'].strip()}")

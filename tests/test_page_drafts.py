@@ -1,0 +1,172 @@
+"""What is entered survives a reload as a draft; the grid is filled by sets, texts and files."""
+
+from pathlib import Path
+
+import pytest
+from openpyxl import Workbook
+from test_page import form, lab, plain, save, stored, type_in
+
+from pdlab import experiments
+from pdlab import store as store_module
+from pdlab.errors import TableError, UnknownName
+from pdlab.grading import SIEVE_SETS
+from pdlab.page import sieve_table
+from pdlab.store import Store
+from pdlab.tables import read_sieve_file
+
+__all__ = ["lab"]
+
+
+def rows(app: object) -> list[tuple[str, str]]:
+    return list(app.session_state[sieve_table.NOW])  # type: ignore[attr-defined]
+
+
+def test_a_draft_survives_a_reload_with_all_its_texts(lab: Store) -> None:
+    app = type_in(form(), name="Kies", sieves="31,5 0\nNo. 120,5", value="15oo", container_height_mm="200")
+    app.button(key="add_test").click().run()
+    app.text_input(key="test_1_value").set_value("39,5").run()
+    number = app.query_params["draft"]
+    again = form(number)
+    assert rows(again) == [("31,5", "0"), ("No.", "120,5")]
+    assert [again.text_input(key=key).value for key in ("name", "test_0_value", "test_1_value")] == [
+        "Kies",
+        "15oo",
+        "39,5",
+    ]
+    assert [draft.id for draft in experiments.list_drafts(lab, "aggregate")] == [int(number)]
+
+
+def test_edits_after_a_reload_go_into_the_same_draft(lab: Store) -> None:
+    number = type_in(form(), name="Kies").query_params["draft"]
+    again = type_in(form(number), sieves="16 0\n8 100", source="Rhine")
+    texts = experiments.entered_of(experiments.load_draft(lab, int(number)).content)
+    assert (texts.texts["name"], texts.texts["source"], texts.sieves) == ("Kies", "Rhine", (("16", "0"), ("8", "100")))
+    assert again.query_params["draft"] == number
+
+
+def test_an_empty_form_is_no_draft_and_a_saved_one_is_none_any_more(lab: Store) -> None:
+    app = form()
+    app.selectbox(key="sieve_set").set_value("EN 933-2 basic").run()
+    assert experiments.list_drafts(lab, "aggregate") == []
+    app = type_in(form(), name="Kies", sieves="16 0\n8 100")
+    assert len(experiments.list_drafts(lab, "aggregate")) == 1
+    save(app)
+    assert (experiments.list_drafts(lab, "aggregate"), stored(lab)) == ([], ["Kies"])
+
+
+def test_drafts_are_offered_and_discarded(lab: Store) -> None:
+    number = type_in(form(), name="Kies").query_params["draft"]
+    app = form()
+    app.button(key=f"discard_{number}").click().run()
+    assert experiments.list_drafts(lab, "aggregate") == []
+    with pytest.raises(UnknownName, match="draft 1 is not there"):
+        experiments.load_draft(lab, int(number))
+
+
+@pytest.mark.parametrize("number", ["77", "seven"])
+def test_the_address_of_a_draft_that_is_gone_gives_a_new_form(lab: Store, number: str) -> None:
+    app = form(number)
+    assert any("is not there" in warning.value for warning in app.warning)
+    assert app.text_input(key="name").value == ""
+
+
+def test_a_set_of_sieves_keeps_what_has_a_value(lab: Store) -> None:
+    app = type_in(form(), sieves="16 0\n8 70\n5 30")
+    app.selectbox(key="sieve_set").set_value("EN 933-2 basic").run()
+    filled = [row for row in rows(app) if row[1]]
+    assert filled == [("16", "0"), ("8", "70"), ("5", "30")]
+    assert [sieve for sieve, _ in rows(app)] == [*SIEVE_SETS["EN 933-2 basic"], "pan", "5"]
+
+
+def test_a_text_fills_the_grid(lab: Store) -> None:
+    app = form()
+    app.text_area(key="pasted").set_value("No. 4; 0\n2,36  70 g\nnonsense here now").run()
+    app.button(key="take_text").click().run()
+    assert rows(app) == [("No. 4", "0"), ("2,36", "70g"), ("nonsense here now", "")]
+    assert any("'nonsense here now' is no number" in text for text in plain(app)[0])
+
+
+def test_a_file_fills_the_grid_and_tells_its_kind(lab: Store) -> None:
+    app = form()
+    file = app.file_uploader[0]
+    file.set_value(("sand.csv", b"aggregate,aperture_mm,passing_percent\nS,4,100\nS,2,0\n", "text/csv")).run()
+    assert (rows(app), app.selectbox(key="kind").value) == ([("4", "100"), ("2", "0")], "passing_percent")
+
+
+def test_a_file_that_is_no_sieve_table_is_a_sentence(lab: Store) -> None:
+    app = form()
+    app.file_uploader[0].set_value(("sand.csv", b"4\n2\n", "text/csv")).run()
+    assert any("a sieve table has two columns" in text for text in plain(app)[1])
+
+
+def test_a_test_more_of_a_known_aggregate_needs_no_sieves(lab: Store) -> None:
+    save(type_in(form(), name="G", sieves="16 0\n8 100"))
+    app = form()
+    app.selectbox(key="test_0_kind").set_value("voids_percent")
+    save(type_in(app, name="G", value="39,5", date="2026-03-31", standard="EN 1097-3"))
+    with lab.read() as session:
+        row = store_module.aggregates(session, ["G"])[0]
+    assert [(test.voids_percent, str(test.date)) for test in row.packing_tests] == [(39.5, "2026-03-31")]
+
+
+def test_several_tests_each_say_what_they_mean_or_what_is_wrong(lab: Store) -> None:
+    app = type_in(form(), name="G", sieves="16 0\n8 100", particle_density_kg_m3="2600", value="1560", date="31.3.26")
+    app.button(key="add_test").click().run()
+    app.text_input(key="test_1_value").set_value("1300").run()
+    assert [metric.value for metric in app.metric] == ["0.5000 ± 0.0050", "50.0"]
+    assert any("date: '31.3.26' is no date" in text for text in plain(app)[1])
+    assert stored(lab) == []
+
+
+def test_a_basis_without_its_absorption_is_named_while_typing(lab: Store) -> None:
+    app = form()
+    app.selectbox(key="density_basis").set_value("ssd")
+    type_in(app, name="G", sieves="16 0\n8 100", particle_density_kg_m3="2600")
+    assert any("needs the water absorption" in text for text in plain(app)[1])
+
+
+CSV = {
+    "decimal commas": ("a.csv", b"Sieb;Masse\n31,5;0\n16;120,5\n"),
+    "no header": ("a.csv", b"31,5;0\n16;120,5\n"),
+    "tabs": ("a.txt", b"31,5\t0\n16\t120,5\n"),
+    "the table format": ("a.csv", b"aggregate;aperture_mm;retained_g\nA;31,5;0\nA;16;120,5\n"),
+}
+
+
+@pytest.mark.parametrize(("name", "content"), CSV.values(), ids=CSV)
+def test_a_file_s_cells_are_read_as_they_stand(name: str, content: bytes) -> None:
+    assert read_sieve_file(name, content).cells == (("31,5", "0"), ("16", "120,5"))
+
+
+def test_a_workbook_s_cells_are_read_with_all_their_digits(tmp_path: Path) -> None:
+    book = Workbook()
+    for line in (["sieve", "passing"], ["No. 4", 100], [2.36, 12.25]):
+        book.active.append(line)
+    book.save(tmp_path / "a.xlsx")
+    assert read_sieve_file("a.xlsx", (tmp_path / "a.xlsx").read_bytes()).cells == (("No. 4", "100"), ("2.36", "12.25"))
+
+
+WRONG = {
+    "two aggregates": ("a.csv", b"aggregate,aperture_mm,retained_g\nA,4,1\nB,2,1\n", "it holds 2 aggregates"),
+    "nothing": ("a.csv", b"\n", "it is empty"),
+    "another workbook": ("a.xls", b"x", "'.xls' cannot be read"),
+    "no workbook": ("a.xlsx", b"x", "no Excel workbook"),
+    "one column": ("a.csv", b"4\n", "has two columns"),
+}
+
+
+@pytest.mark.parametrize(("name", "content", "message"), WRONG.values(), ids=WRONG)
+def test_what_is_no_sieve_file_is_named(name: str, content: bytes, message: str) -> None:
+    with pytest.raises(TableError, match=message):
+        read_sieve_file(name, content)
+
+
+def test_drafts_are_kept_on_both_databases(store: Store) -> None:
+    first = experiments.save_draft(store, "aggregate", {"texts": {"name": "Körnung"}})
+    second = experiments.save_draft(store, "mixture", {"texts": {}})
+    assert experiments.save_draft(store, "aggregate", {"texts": {"name": "Kies"}}, first) == first
+    assert experiments.load_draft(store, first).content == {"texts": {"name": "Kies"}}
+    assert [draft.id for draft in experiments.list_drafts(store, "mixture")] == [second]
+    experiments.delete_draft(store, first)
+    experiments.delete_draft(store, first)
+    assert experiments.list_drafts(store, "aggregate") == []
