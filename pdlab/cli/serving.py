@@ -1,18 +1,20 @@
-"""The page."""
+"""The page and the runner beside it."""
 
 import os
 import signal
 import subprocess
 import sys
-from typing import TYPE_CHECKING, Annotated
+from contextlib import suppress
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from pdlab.cli.shell import Store
+from pdlab.cli.shell import Scheduler, Store, Workers
 from pdlab.errors import InputError
 
-if TYPE_CHECKING:
-    pass
+AGAIN, PATIENCE = 5.0, 20.0
+"""Seconds after which a runner that ended is started again, and within which processes end by themselves."""
 
 
 def _check_free(port: int) -> None:
@@ -30,8 +32,11 @@ def _check_free(port: int) -> None:
 def serve(
     store: Store = None,
     port: Annotated[int, typer.Option(min=1, max=65535)] = 8501,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    runner: Annotated[bool, typer.Option("--runner/--no-runner", help="Start a runner beside the page.")] = True,
 ) -> None:
-    """Serve the page on 127.0.0.1, without telemetry; Ctrl-C ends it."""
+    """Serve the page on 127.0.0.1, without telemetry, and a runner for what is wished for there; Ctrl-C ends both."""
     import importlib.util
 
     from pdlab.store import open_store, store_url
@@ -49,22 +54,56 @@ def serve(
         "server.maxUploadSize": "20", "browser.gatherUsageStats": "false", "client.toolbarMode": "viewer",
         "server.fileWatcherType": "none", "runner.magicEnabled": "false",
     }  # fmt: skip
-    command = [
-        sys.executable,
-        "-m",
-        "streamlit",
-        "run",
-        spec.origin,
-        *(f"--{key}={value}" for key, value in flags.items()),
-    ]
+    pages = ["-m", "streamlit", "run", spec.origin, *(f"--{key}={value}" for key, value in flags.items())]
+    environment = {**os.environ, "PDLAB_STORE": store_url(store)}  # not in the arguments: it may hold a password
     print(f"the page: http://127.0.0.1:{port} (store {opened.url}; Ctrl-C ends it)", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    page = subprocess.Popen(command, env={**os.environ, "PDLAB_STORE": store_url(store)})
+    started = [subprocess.Popen([sys.executable, *pages], env=environment)]
     try:
-        code = page.wait()
+        if runner:
+            options = [] if workers is None else ["--workers", str(workers)]
+            options += [] if scheduler is None else ["--scheduler", scheduler]
+            log = _log_beside(opened.url)
+            print(f"the runner logs to {log}", flush=True)
+            code = _watch(started, ["-m", "pdlab.cli", "-v", "runner", *options], environment, log)
+        else:
+            code = started[0].wait()
     except KeyboardInterrupt:
         code = 0
     finally:
-        page.terminate()
-        page.wait()
+        _end(started)
     sys.exit(code)
+
+
+def _log_beside(url: str) -> Path:
+    """Return where a runner logs: beside a SQLite file, else in the current folder."""
+    file = url.removeprefix("sqlite:///")
+    return Path(file).with_suffix(".runner.log") if file != url else Path("pdlab.runner.log")
+
+
+def _watch(started: "list[subprocess.Popen[bytes]]", command: list[str], environment: dict[str, str], log: Path) -> int:
+    """Keep a runner beside the page until the page ends; return the page's exit code."""
+    page, runner = started[0], None
+    with log.open("ab") as file:
+        while page.poll() is None:
+            if runner is None or runner.poll() is not None:
+                if runner is not None:
+                    print(f"the runner has ended (exit code {runner.returncode}, see {log}); another is started")
+                    started.remove(runner)
+                runner = subprocess.Popen([sys.executable, *command], env=environment, stdout=file, stderr=file)
+                started.append(runner)
+            with suppress(subprocess.TimeoutExpired):
+                page.wait(AGAIN)
+    return page.returncode
+
+
+def _end(started: "list[subprocess.Popen[bytes]]") -> None:
+    """End processes, by force where they do not end by themselves."""
+    for process in started:
+        process.terminate()
+    for process in started:
+        try:
+            process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
