@@ -14,11 +14,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pdlab import surface
+from pdlab import equal_spheres
+from pdlab.equal_spheres import Surface
 from pdlab.errors import InputError, Problem, TableError
 from pdlab.models import Run
 from pdlab.specimen import Specimen
-from pdlab.surface import Surface
 
 TABLE = Path(__file__).parents[1] / "data" / "equal_spheres" / "runs.csv"
 COLUMNS: dict[str, Callable[[str], Any]] = {
@@ -55,7 +55,7 @@ def shipped_surface(compaction: str, engine_version: int) -> Surface:
             f"no runs of equal spheres are shipped for compaction '{compaction}' and engine version {engine_version}; "
             "calibrate in a store, which runs them"
         )
-    return surface.through(densities)
+    return equal_spheres.through(densities)
 
 
 @cache

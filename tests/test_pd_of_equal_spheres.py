@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from conftest import formula_density
 
-from pdlab import surface
+from pdlab import equal_spheres
 from pdlab.calibration import NODES
+from pdlab.equal_spheres import Surface
 from pdlab.errors import InputError
-from pdlab.surface import Surface
 
 
 def density(friction: float, rolling: float) -> float:
@@ -19,7 +19,7 @@ def density(friction: float, rolling: float) -> float:
 def made(noise: float = 0.0, seeds: int = 2) -> Surface:
     scatter = np.random.default_rng(1).normal(0.0, noise, (len(NODES), len(NODES), seeds))
     pairs = itertools.product(enumerate(NODES), enumerate(NODES))
-    return surface.through({(mu, mu_r): density(mu, mu_r) + scatter[j, k] for (j, mu), (k, mu_r) in pairs})
+    return equal_spheres.through({(mu, mu_r): density(mu, mu_r) + scatter[j, k] for (j, mu), (k, mu_r) in pairs})
 
 
 def test_a_surface_goes_through_its_nodes() -> None:
@@ -37,7 +37,7 @@ def test_between_its_nodes_a_smooth_law_is_met_and_what_the_interpolation_may_be
 def test_the_error_at_a_node_is_the_pooled_deviation_over_the_root_of_its_seeds() -> None:
     found = made(0.002, 8)
     assert found.at(0.1, 0.1)[1] == pytest.approx(0.002 / 8**0.5, rel=0.1)
-    more = surface.through(
+    more = equal_spheres.through(
         {(0.5, 0.0): [0.60, 0.602], (0.5, 0.5): [0.5, 0.5], (1.0, 0.0): [0.55] * 4, (1.0, 0.5): [0.4]}
     )
     pooled = (0.001**2 * 2 / 5) ** 0.5
@@ -54,4 +54,4 @@ def test_a_grid_with_a_hole_is_refused_with_the_pair() -> None:
     some = {(mu, mu_r): [density(mu, mu_r)] for mu in (0.2, 1.0) for mu_r in (0.0, 0.2)}
     del some[1.0, 0.2]
     with pytest.raises(InputError, match=r"no bed was run at \[\(1\.0, 0\.2\)\]"):
-        surface.through(some)
+        equal_spheres.through(some)
