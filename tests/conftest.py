@@ -23,7 +23,7 @@ from pdlab import packing
 from pdlab.batch import chunks
 from pdlab.dem import VERSION
 from pdlab.dem.bed import rest_free
-from pdlab.experiments import listed, register
+from pdlab.experiments import listed, register, shipped
 from pdlab.lab import SHIPPED
 from pdlab.models import Comparison, SieveAnalysis
 from pdlab.specimen import Packing, Specimen
@@ -265,6 +265,21 @@ def new_cluster(tmp_path: Path) -> Iterator[Callable[..., Cluster]]:
     finally:
         for one in made:
             one.stop()
+
+
+@pytest.fixture(scope="session")
+def empty_table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A table of shipped runs that holds none."""
+    table = tmp_path_factory.mktemp("shipped") / "runs.csv"
+    shipped.write_table(table, [])
+    return table
+
+
+@pytest.fixture(autouse=True)
+def _nothing_shipped(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, empty_table: Path) -> None:
+    """Keep the runs that pdlab ships out of a test that is not marked ``shipped``: they are no formula's."""
+    if request.node.get_closest_marker("shipped") is None:
+        monkeypatch.setattr(shipped, "TABLE", empty_table)
 
 
 @pytest.fixture

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pdlab import calibration, store
 from pdlab.calibration import NODES, Curve, Ladder
 from pdlab.errors import EngineError
+from pdlab.experiments import shipped
 from pdlab.experiments.readings import packing_of
 from pdlab.plan import Plan
-from pdlab.specimen import Packing
+from pdlab.specimen import Packing, Specimen
 from pdlab.store import Store
 
 MOST_SEEDS = 16
@@ -26,16 +27,29 @@ class Curves:
         self.errors = dict[tuple[Ladder, float], EngineError]()
 
     def load(self, ladders: Iterable[Ladder]) -> None:
-        """Read what the store holds of ladders, all in one query."""
+        """Read what the store holds of ladders, all in one query, once what is shipped of them stands there too.
+
+        Raises TableError when the table of shipped runs is damaged.
+        """
         new = [ladder for ladder in dict.fromkeys(ladders) if ladder not in self._nodes]
         beds = [(ladder, node, bed) for ladder in new for node in NODES for bed in ladder.beds(node, MOST_SEEDS)]
         digests = [bed.digest(self.engine_version) for _, _, bed in beds]
-        with self._target.read() as session:
-            done = {digest: packing_of(run) for digest, run in store.done_runs(session, digests).items()}
+        done = self._done({digest: bed for (_, _, bed), digest in zip(beds, digests, strict=True)})
         self._nodes |= {ladder: {} for ladder in new}
         for (ladder, node, _), digest in zip(beds, digests, strict=True):
             if digest in done:
                 self._nodes[ladder].setdefault(node, []).append(done[digest])
+
+    def _done(self, beds: dict[str, Specimen]) -> dict[str, Packing]:
+        """Return what beds, given by their digests, have given; shipped runs that the store lacks are written to it."""
+        with self._target.read() as session:
+            found = store.done_runs(session, list(beds))
+        lacking = shipped.runs({digest: bed for digest, bed in beds.items() if digest not in found})
+        if lacking:
+            with self._target.write() as session:
+                store.add_runs(session, lacking)
+                found |= store.done_runs(session, [run.specimen_hash for run in lacking])
+        return {digest: packing_of(run) for digest, run in found.items()}
 
     def known(self, ladder: Ladder) -> Curve | None:
         """Return a ladder's curve as far as it is known, None where no bed is."""
@@ -56,14 +70,19 @@ class Curves:
         return [packing for node in nodes for packing in self._nodes[ladder][node]]
 
     def extend(self, wanted: Mapping[tuple[Ladder, float], int]) -> Plan[None]:
-        """Ask for so many beds at nodes; what fails stands in ``errors``."""
-        beds = {(ladder, node): ladder.beds(node, seeds) for (ladder, node), seeds in wanted.items()}
-        outcomes = iter((yield [bed for several in beds.values() for bed in several]))
-        for (ladder, node), several in beds.items():
-            found = [next(outcomes) for _ in several]
-            known = {packing.digest: packing for packing in self._nodes[ladder].get(node, [])}
-            known |= {outcome.digest: outcome for outcome in found if isinstance(outcome, Packing)}
-            self._nodes[ladder][node] = list(known.values())
-            failed = next((outcome for outcome in found if isinstance(outcome, EngineError)), None)
-            if failed is not None:
-                self.errors[ladder, node] = failed
+        """Ask for so many beds at nodes, as far as they are not known; what fails stands in ``errors``."""
+        beds = [
+            (ladder, node, bed)
+            for (ladder, node), seeds in wanted.items()
+            for bed in ladder.beds(node, seeds)
+            if bed.digest(self.engine_version) not in self._digests(ladder, node)
+        ]
+        outcomes = (yield [bed for _, _, bed in beds]) if beds else ()
+        for (ladder, node, _), outcome in zip(beds, outcomes, strict=True):
+            if isinstance(outcome, Packing):
+                self._nodes[ladder].setdefault(node, []).append(outcome)
+            else:
+                self.errors.setdefault((ladder, node), outcome)
+
+    def _digests(self, ladder: Ladder, node: float) -> set[str]:
+        return {packing.digest for packing in self._nodes[ladder].get(node, [])}

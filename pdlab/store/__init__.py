@@ -17,6 +17,7 @@ from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
 from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
     add_all,
+    add_runs,
     aggregates,
     aggregates_by_id,
     aggregates_named,
@@ -79,6 +80,7 @@ __all__ = [
     "TableCopy",
     "Upgraded",
     "add_all",
+    "add_runs",
     "aggregates",
     "aggregates_by_id",
     "aggregates_named",

@@ -203,6 +203,14 @@ def save_run(session: Session, run: Run, state: RunState | None) -> None:
         upsert(session, RunState, [columns_of(state)])
 
 
+def add_runs(session: Session, rows: Sequence[Run]) -> None:
+    """Write runs that the store has none of yet; whatever it knows of the others stays, also that one is under way."""
+    digests = [row.specimen_hash for row in rows]
+    known = sa.select(Run.specimen_hash)
+    there = {digest for part in parts(digests) for digest in session.scalars(known.where(Run.specimen_hash.in_(part)))}
+    add_all(session, [row for row in rows if row.specimen_hash not in there])
+
+
 def columns_of(row: Base) -> dict[str, Any]:
     """Return the columns of a row that were set, by name."""
     return {name: value for name, value in vars(row).items() if not name.startswith("_")}

@@ -1,4 +1,5 @@
-"""How long calibrations and a prediction take by the clock: from an empty store, on a filled curve, a second time.
+"""How long calibrations and a prediction take by the clock: from an empty store with the shipped runs and
+without, on a filled curve, a second time.
 
 ``python tests/benchmarks/calibration_speed.py``, in temporary folders, by all cores: run it on an idle machine.
 """
@@ -9,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pdlab import Lab
+from pdlab.experiments import shipped
 
 DENSITIES = (0.56, 0.59, 0.62)
 FURTHER = tuple(0.57 + 0.005 * k for k in range(8))
@@ -45,13 +47,22 @@ def timed(what: str, call: Callable[[], object], times: int = 1) -> None:
     print(f"{min(spent):9.3f} s  {what}", flush=True)
 
 
+def timed_first(store: Path, density: float, what: str) -> None:
+    """Print how long the first calibration in a new store takes."""
+    with Lab(store) as lab:
+        lab.import_tables(tables({"one": (16.0, 8.0, density)}))
+        timed(f"PD {density} {what}", lab.calibrate)
+
+
 def main() -> None:
     """Print every time."""
     with tempfile.TemporaryDirectory() as folder:
         for density in DENSITIES:
-            with Lab(f"{folder}/{density}.db") as lab:
-                lab.import_tables(tables({"one": (16.0, 8.0, density)}))
-                timed(f"PD {density} from an empty store", lab.calibrate)
+            timed_first(Path(folder) / f"{density}.db", density, "from an empty store, on the shipped runs")
+        shipped.TABLE = Path(folder) / "none" / "runs.csv"
+        shipped.write_table(shipped.TABLE, [])
+        for density in DENSITIES:
+            timed_first(Path(folder) / f"{density} alone.db", density, "from an empty store, without the shipped runs")
         with Lab(f"{folder}/filled.db") as lab:
             lab.import_tables(tables({"dense": (16.0, 8.0, 0.62), "loose": (16.0, 8.0, 0.56)}))
             lab.calibrate()
