@@ -47,8 +47,7 @@ def show(target: Store) -> None:
         format_func=known.__getitem__, key="shown",
     )  # fmt: skip
     chosen = experiments.summaries(target, ids=shown)
-    for one in chosen:
-        _say(one)
+    _say(chosen)
     gradings = {_name(one.name, one.delivery): one.grading for one in chosen if one.grading is not None}
     if gradings:
         _compare(gradings)
@@ -76,11 +75,16 @@ def _list(target: Store, search: str) -> dict[int, str]:
     return {row[0]: _name(row[1], row[2]) for row in rows}
 
 
-def _say(one: Summary) -> None:
-    """Lead to an aggregate's calibration, and say what stands against it."""
-    links.link(f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id))
-    if one.message:
-        st.warning(plain(f"{one.name}: {one.message}"))
+def _say(chosen: Sequence[Summary]) -> None:
+    """Lead to the aggregates' calibrations, and say what stands against them."""
+    with st.container(horizontal=True):
+        for one in chosen:
+            links.link(
+                f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id)
+            )
+    for one in chosen:
+        if one.message:
+            st.warning(plain(f"{one.name}: {one.message}"))
 
 
 def _compare(gradings: Mapping[str, Grading]) -> None:

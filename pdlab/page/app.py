@@ -36,12 +36,13 @@ def main() -> None:
         return
     pages = {address: _page(address, target) for address in VIEWS}
     links.keep(pages)
-    st.navigation(list(pages.values())).run()
+    entrance = st.Page(lambda: links.go(HOME), title="pdlab", url_path="entrance", default=True, visibility="hidden")
+    st.navigation([entrance, *pages.values()], position="top").run()
 
 
 def _page(address: str, target: Store) -> StreamlitPage:
     title, show = VIEWS[address]
-    return st.Page(partial(_draw, title, show, target), title=title, url_path=address, default=address == HOME)
+    return st.Page(partial(_draw, title, show, target), title=title, url_path=address)
 
 
 def _draw(title: str, show: Callable[[Store], None], target: Store) -> None:

@@ -5,7 +5,7 @@ import streamlit as st
 from pdlab import charts, experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Explained, Waiting
-from pdlab.page.wording import plain
+from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
 
@@ -63,11 +63,11 @@ def _result(known: Explained) -> None:
         st.warning(plain(known.message))
     if known.value is not None and known.curve is not None:
         first, second, third = st.columns(3)
-        first.metric(label(known.curve.coefficient).capitalize(), f"{known.value:.4f}")
+        first.metric(begun(label(known.curve.coefficient)), f"{known.value:.4f}")
         ends = ["beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high)]
         second.metric("Its interval", " to ".join(ends))
         third.metric(
-            label(known.curve.sought).capitalize() + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
+            begun(label(known.curve.sought)) + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
         )
     if known.method:
         st.markdown(plain(f"Method {known.method}: {known.why}."))

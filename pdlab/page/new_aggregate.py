@@ -82,14 +82,14 @@ def _offer_drafts(target: Store) -> None:
 
 def _material() -> dict[str, str]:
     """Ask for the aggregate itself; return its texts."""
-    name, delivery, dense, basis = st.columns(4)
+    name, delivery, dense, basis = st.columns(4, vertical_alignment="bottom")
     name.text_input("Name of the aggregate", key="name")
-    delivery.text_input("Delivery (empty for the first)", key="delivery")
+    delivery.text_input("Delivery", key="delivery", help="Empty for the first.")
     dense.text_input(
         "Particle density [kg/m³]", key="particle_density_kg_m3", help="Turns a bulk density into a packing density."
     )
     basis.selectbox("Its basis", list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis")
-    wet, source, shape, repose, slip = st.columns(5)
+    wet, source, shape, repose, slip = st.columns(5, vertical_alignment="bottom")
     wet.text_input("Absorption [%]", key="water_absorption_percent", help="Of water; needed unless oven-dry.")
     source.text_input("Source", key="source", placeholder="quarry, supplier")
     shape.text_input("Shape", key="shape")
@@ -120,7 +120,8 @@ def _grading(read: SievesRead, kind: str) -> None:
                 "what is wrong": [plain(row.error or "") for row in rows],
             }
         )
-        st.table(frame if any(row.error for row in rows) else frame.drop(columns="what is wrong"), hide_index=True)
+        wrong = any(row.error for row in rows)
+        st.table(frame.drop(columns="passing [%]" if wrong else "what is wrong"), hide_index=True)
     for sentence in read.wrong:
         st.error(plain(sentence))
     if grading is not None:
