@@ -13,7 +13,7 @@ INK, SERIES, GRID, BAND = "#7b8794", "#3488a8", "rgba(128, 128, 128, 0.25)", "rg
 """Colours that stand on white and on black alike."""
 
 LINES = ("#3488a8", "#d1495b", "#b08a20", "#4c9a5f", "#9568c4", "#d9822b", "#6285e0", "#a86a5a")
-INKS = ("#7b8794", "#a3735f", "#6f8f6b")
+DASHES = ("dash", "dot", "dashdot")
 LIMITS = "rgba(209, 140, 29, 0.20)"
 LEAST_RATIO = 1.12
 """Ratio of two sieves whose labels do not overlap."""
@@ -45,11 +45,10 @@ def grading_curve(
     figure, ticks = go.Figure(), set[float]()
     if limits:
         _add_band(figure, limits)
-    for raw, (sizes, shares) in (targets or {}).items():
-        figure.add_scatter(
-            x=list(sizes), y=[100.0 * share for share in shares], mode="lines", name=_plain(raw),
-            line={"dash": "dash", "width": 1.5, "color": INKS[len(figure.data) % len(INKS)]}, hoverinfo="name",
-        )  # fmt: skip
+    for k, (name, (sizes, shares)) in enumerate((targets or {}).items()):
+        line = {"dash": DASHES[k % len(DASHES)], "width": 1.5, "color": INK}
+        passing = [100.0 * share for share in shares]
+        figure.add_scatter(x=list(sizes), y=passing, mode="lines", name=_plain(name), line=line, hoverinfo="name")
     for k, (raw, grading) in enumerate(gradings.items()):
         name = _plain(raw)
         passing = [100.0 * float(share) for share in grading.passing]

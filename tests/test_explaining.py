@@ -14,6 +14,7 @@ from pdlab import store as store_module
 from pdlab.errors import UnknownName
 from pdlab.experiments import Way
 from pdlab.lab import SHIPPED
+from pdlab.page import calibration
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -146,3 +147,12 @@ def test_a_calibration_chart_holds_every_run_and_what_was_measured(pebbles: Stor
     assert known.measured_error is not None
     ends = known.measured - known.measured_error, known.measured + known.measured_error
     assert (measured.y0, measured.y1) == pytest.approx(ends)
+
+
+def test_an_aggregate_too_old_for_the_list_is_shown_by_its_address(lab: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    monkeypatch.setattr(calibration, "LISTED", 1)
+    oldest = aggregate(lab, "pebbles L")
+    app = view(oldest)
+    assert app.selectbox(key="aggregate").value == oldest
+    assert app.selectbox(key="aggregate").options == ["pebbles F", "pebbles L"]

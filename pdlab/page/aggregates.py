@@ -46,7 +46,7 @@ def show(target: Store) -> None:
         "Gradings to look at", list(known), default=list(known)[:FIRST], max_selections=OVERLAID,
         format_func=known.__getitem__, key="shown",
     )  # fmt: skip
-    chosen = experiments.summaries(target, ids=shown)
+    chosen = sorted(experiments.summaries(target, ids=shown), key=lambda one: shown.index(one.aggregate_id))
     _say(chosen)
     gradings = {_name(one.name, one.delivery): one.grading for one in chosen if one.grading is not None}
     if gradings:

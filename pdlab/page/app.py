@@ -7,7 +7,7 @@ import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
 from pdlab import store
-from pdlab.errors import InputError
+from pdlab.errors import InputError, PdlabError
 from pdlab.page import aggregates, calibration, links, new_aggregate, predicted_vs_measured
 from pdlab.page.wording import plain
 from pdlab.store import Store
@@ -48,7 +48,10 @@ def _page(address: str, target: Store) -> StreamlitPage:
 def _draw(title: str, show: Callable[[Store], None], target: Store) -> None:
     st.title(title)
     links.said()
-    show(target)
+    try:
+        show(target)
+    except PdlabError as error:  # such as a database that does not answer now
+        st.error(plain(str(error)))
 
 
 if __name__ == "__main__":

@@ -42,19 +42,25 @@ def show(target: Store) -> None:
 
 def _choose(target: Store) -> int | None:
     """Ask for an aggregate, the one of the address first; return its id."""
-    names = ["aggregate_id", "aggregate", "delivery"]
-    _, rows = experiments.listed(target, "aggregates", (), names, "-aggregate_id", LISTED)
-    known = {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
+    asked = st.query_params.get("aggregate", "")
+    known = _named(target)
     if not known:
         st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
         return None
-    asked = st.query_params.get("aggregate", "")
-    if asked.isdecimal():  # also one that is too old for the list
-        known.setdefault(int(asked), f"aggregate {asked}")
+    if asked.isdecimal():
+        if int(asked) not in known:  # too old for the list
+            known |= _named(target, f"aggregate_id={asked}") or {int(asked): f"aggregate {asked}"}
         st.session_state.setdefault(CHOSEN, int(asked))
     chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
     st.query_params["aggregate"] = str(chosen)
     return chosen
+
+
+def _named(target: Store, *where: str) -> dict[int, str]:
+    """Return the newest aggregates by their ids."""
+    names = ["aggregate_id", "aggregate", "delivery"]
+    _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
+    return {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
 
 
 def _result(known: Explained) -> None:
