@@ -312,3 +312,14 @@ def test_a_database_that_does_not_answer_is_a_sentence(lab: Store, monkeypatch: 
 
     monkeypatch.setattr(experiments, "listed", away)
     assert plain(page("aggregates"))[1] == ["the database does not answer; try again"]
+
+
+def test_what_is_looked_at_stays_when_the_search_changes(lab: Store, tmp_path: Path) -> None:
+    sand(lab, tmp_path, 12)
+    app = page("aggregates")
+    app.text_input(key="search").set_value("Sand 2").run()
+    assert app.multiselect(key="shown").options == ["Sand 11", "Sand 10", "Sand 9", "Sand 2"]
+    before = app.multiselect(key="shown").value
+    app.multiselect(key="shown").set_value([*before, "Sand 2"]).run()
+    app.text_input(key="search").set_value("").run()
+    assert list(frame_of(app, "Sand 2").columns) == ["Sand 11", "Sand 10", "Sand 9", "Sand 2"]

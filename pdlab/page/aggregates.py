@@ -15,6 +15,7 @@ from pdlab.quantities import heading
 from pdlab.store import Store
 
 LISTED, OVERLAID, FIRST = 200, 8, 3  # rows of the list; curves that may be and are overlaid
+NAMES = "names_shown"  # of the aggregates that can be looked at, by their ids
 COLUMNS = {
     "aggregate": "aggregate",
     "delivery": "delivery",
@@ -40,12 +41,15 @@ def show(target: Store) -> None:
     with new:
         links.link("Enter a new aggregate", "new-aggregate")
     known = _list(target, text)
-    if not known:
+    chosen_before = {key: st.session_state[NAMES][key] for key in st.session_state.get("shown", ())}
+    offered = chosen_before | known  # what is looked at stays when the search changes
+    if not offered:
         return
+    st.session_state.setdefault("shown", list(known)[:FIRST])
     shown = st.multiselect(
-        "Gradings to look at", list(known), default=list(known)[:FIRST], max_selections=OVERLAID,
-        format_func=known.__getitem__, key="shown",
-    )  # fmt: skip
+        "Gradings to look at", list(offered), max_selections=OVERLAID, format_func=offered.__getitem__, key="shown"
+    )
+    st.session_state[NAMES] = offered
     chosen = sorted(experiments.summaries(target, ids=shown), key=lambda one: shown.index(one.aggregate_id))
     _say(chosen)
     gradings = {_name(one.name, one.delivery): one.grading for one in chosen if one.grading is not None}

@@ -76,7 +76,8 @@ def _result(known: Explained) -> None:
             begun(label(known.curve.sought)) + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
         )
     if known.method:
-        st.markdown(plain(f"Method {known.method}: {known.why}."))
+        tried = "Method" if known.value is not None else "Method tried"
+        st.markdown(plain(f"{tried}: {known.method}, {known.why}."))
     for note in known.notes:
         st.caption(plain(note))
 
