@@ -9,10 +9,11 @@ from pdlab.experiments import DrawnCurve, Explained, PredictionReport
 from pdlab.grading import Grading
 from pdlab.quantities import label
 
-INK, SERIES, GRID, BAND = "#1f2933", "#1f6f8b", "#d9dee3", "rgba(31, 111, 139, 0.10)"
+INK, SERIES, GRID, BAND = "#7b8794", "#3488a8", "rgba(128, 128, 128, 0.25)", "rgba(52, 136, 168, 0.18)"
+"""Colours that stand on white and on black alike."""
 
-LINES = ("#1f6f8b", "#d1495b", "#8a6d1d", "#3c7d4a", "#7a4fa3", "#c0660c", "#4a6fd1", "#8c5043")
-INKS = ("#7b8794", "#a3735f", "#6f8f6b")
+LINES = ("#3488a8", "#d1495b", "#b08a20", "#4c9a5f", "#9568c4", "#d9822b", "#6285e0", "#a86a5a")
+DASHES = ("dash", "dot", "dashdot")
 LIMITS = "rgba(209, 140, 29, 0.20)"
 LEAST_RATIO = 1.12
 """Ratio of two sieves whose labels do not overlap."""
@@ -22,7 +23,7 @@ Limit = tuple[float, float, float]
 
 def _styled(figure: go.Figure, height: int) -> go.Figure:
     figure.update_layout(
-        template="plotly_white", height=height, showlegend=False, font={"color": INK, "size": 14},
+        template="plotly_white", height=height, showlegend=False, font={"size": 14},
         margin={"l": 10, "r": 10, "t": 20, "b": 10},
     )  # fmt: skip
     return figure
@@ -44,11 +45,10 @@ def grading_curve(
     figure, ticks = go.Figure(), set[float]()
     if limits:
         _add_band(figure, limits)
-    for raw, (sizes, shares) in (targets or {}).items():
-        figure.add_scatter(
-            x=list(sizes), y=[100.0 * share for share in shares], mode="lines", name=_plain(raw),
-            line={"dash": "dash", "width": 1.5, "color": INKS[len(figure.data) % len(INKS)]}, hoverinfo="name",
-        )  # fmt: skip
+    for k, (name, (sizes, shares)) in enumerate((targets or {}).items()):
+        line = {"dash": DASHES[k % len(DASHES)], "width": 1.5, "color": INK}
+        passing = [100.0 * share for share in shares]
+        figure.add_scatter(x=list(sizes), y=passing, mode="lines", name=_plain(name), line=line, hoverinfo="name")
     for k, (raw, grading) in enumerate(gradings.items()):
         name = _plain(raw)
         passing = [100.0 * float(share) for share in grading.passing]
@@ -123,15 +123,15 @@ def calibration_curve(known: Explained, curve: DrawnCurve) -> go.Figure:
     figure.add_scatter(x=[*x, *x[::-1]], y=[*high, *low[::-1]], mode="lines", fill="toself", fillcolor=BAND,
                        line={"width": 0}, hoverinfo="skip", name="± curve", showlegend=False)  # fmt: skip
     figure.add_scatter(x=x, y=list(curve.means), mode="lines", line={"color": SERIES}, name="curve", hoverinfo="skip")
-    runs = [(float(np.sqrt(node.value)), run) for node in curve.nodes for run in node.runs]
-    figure.add_scatter(x=[at for at, _ in runs], y=[run for _, run in runs], mode="markers", name="runs",
-                       marker={"size": 5, "color": LINES[5], "opacity": 0.7})  # fmt: skip
     figure.add_scatter(
         x=[float(np.sqrt(node.value)) for node in curve.nodes], y=[node.mean for node in curve.nodes], mode="markers",
         error_y={"type": "data", "array": [node.deviation for node in curve.nodes]}, name="mean ± deviation",
         marker={"size": 8, "color": SERIES}, customdata=[[node.value, len(node.runs)] for node in curve.nodes],
         hovertemplate="%{customdata[0]:g}: %{y:.4f}, %{customdata[1]} runs<extra></extra>",
     )  # fmt: skip
+    runs = [(float(np.sqrt(node.value)), run) for node in curve.nodes for run in node.runs]
+    figure.add_scatter(x=[at for at, _ in runs], y=[run for _, run in runs], mode="markers", name="runs",
+                       marker={"size": 5, "color": LINES[5], "opacity": 0.7})  # fmt: skip
     _add_measured(figure, known)
     nodes = _apart_by([node.value for node in curve.nodes])
     figure.update_xaxes(tickvals=list(np.sqrt(nodes)), ticktext=[f"{value:g}" for value in nodes],

@@ -115,6 +115,15 @@ def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(
     assert row.packing_tests[0].bulk_density_kg_m3 == 1560.5
 
 
+def test_the_entrance_leads_home_by_its_own_address(page: Any) -> None:
+    page.goto(page.url.rsplit("/", 1)[0])
+    page.wait_for_url(re.compile("/predicted-vs-measured$"))
+    page.get_by_text("The store holds no mixture yet").wait_for()
+    page.reload()
+    page.get_by_text("The store holds no mixture yet").wait_for()
+    assert page.get_by_text("Page not found").count() == 0
+
+
 def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:
     from playwright.sync_api import expect
 

@@ -11,9 +11,11 @@ from test_page import PAGE, lab
 
 from pdlab import charts, experiments
 from pdlab import store as store_module
+from pdlab.dem import VERSION
 from pdlab.errors import UnknownName
 from pdlab.experiments import Way
 from pdlab.lab import SHIPPED
+from pdlab.page import calibration
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -69,6 +71,15 @@ def test_a_calibration_to_older_tests_says_so(pebbles: Store, tmp_path: Path) ->
     (tmp_path / "packing_tests.csv").write_text("material,compaction,packing_density\npebbles F,loose,0.59\n")
     experiments.register(pebbles, read_path(tmp_path / "packing_tests.csv"))
     assert any("calibrate again" in note for note in experiments.explain(pebbles, aggregate(pebbles)).notes)
+
+
+def test_a_calibration_of_an_older_engine_says_so_and_keeps_its_runs(pebbles: Store) -> None:
+    experiments.calibrate(pebbles, FormulaRunner(pebbles), ["pebbles F"])
+    before = experiments.explain(pebbles, aggregate(pebbles))
+    experiments.calibrate(pebbles, FormulaRunner(pebbles, VERSION + 1), ["pebbles L"])
+    after = experiments.explain(pebbles, aggregate(pebbles))
+    assert after.curve == before.curve
+    assert after.notes == (*before.notes, f"of engine version {VERSION}; run 'pdlab refresh'")
 
 
 def test_an_aggregate_without_a_test_says_what_is_missing(pebbles: Store, tmp_path: Path) -> None:
@@ -146,3 +157,12 @@ def test_a_calibration_chart_holds_every_run_and_what_was_measured(pebbles: Stor
     assert known.measured_error is not None
     ends = known.measured - known.measured_error, known.measured + known.measured_error
     assert (measured.y0, measured.y1) == pytest.approx(ends)
+
+
+def test_an_aggregate_too_old_for_the_list_is_shown_by_its_address(lab: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    monkeypatch.setattr(calibration, "LISTED", 1)
+    oldest = aggregate(lab, "pebbles L")
+    app = view(oldest)
+    assert app.selectbox(key="aggregate").value == oldest
+    assert app.selectbox(key="aggregate").options == ["pebbles F", "pebbles L"]

@@ -13,9 +13,10 @@ from streamlit.util import calc_hash
 import pdlab
 from pdlab import experiments
 from pdlab import store as store_module
+from pdlab.errors import StoreAway
 from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS
 from pdlab.lab import SHIPPED
-from pdlab.page import sieve_table
+from pdlab.page import aggregates, sieve_table
 from pdlab.page.app import HOME, VIEWS
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
@@ -292,3 +293,33 @@ def test_gradings_are_overlaid_and_compared_with_targets(lab: Store, tmp_path: P
     app.text_input(key="largest").set_value("4,75").run()
     assert not app.exception
     assert not app.error
+
+
+def test_of_many_aggregates_the_newest_are_listed_and_the_others_found(
+    lab: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sand(lab, tmp_path, 12)
+    monkeypatch.setattr(aggregates, "LISTED", 5)
+    app = page("aggregates")
+    assert list(frame_of(app, "aggregate")["aggregate"]) == [f"Sand {k}" for k in (11, 10, 9, 8, 7)]
+    app.text_input(key="search").set_value("Sand 2").run()
+    assert list(frame_of(app, "aggregate")["aggregate"]) == ["Sand 2"]
+
+
+def test_a_database_that_does_not_answer_is_a_sentence(lab: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def away(*_: object, **__: object) -> None:
+        raise StoreAway("the database does not answer; try again")
+
+    monkeypatch.setattr(experiments, "listed", away)
+    assert plain(page("aggregates"))[1] == ["the database does not answer; try again"]
+
+
+def test_what_is_looked_at_stays_when_the_search_changes(lab: Store, tmp_path: Path) -> None:
+    sand(lab, tmp_path, 12)
+    app = page("aggregates")
+    app.text_input(key="search").set_value("Sand 2").run()
+    assert app.multiselect(key="shown").options == ["Sand 11", "Sand 10", "Sand 9", "Sand 2"]
+    before = app.multiselect(key="shown").value
+    app.multiselect(key="shown").set_value([*before, "Sand 2"]).run()
+    app.text_input(key="search").set_value("").run()
+    assert list(frame_of(app, "Sand 2").columns) == ["Sand 11", "Sand 10", "Sand 9", "Sand 2"]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from openpyxl import Workbook
+from streamlit.util import calc_hash
 from test_page import form, lab, plain, save, stored, type_in
 
 from pdlab import experiments
@@ -42,6 +43,18 @@ def test_edits_after_a_reload_go_into_the_same_draft(lab: Store) -> None:
     texts = experiments.entered_of(experiments.load_draft(lab, int(number)).content)
     assert (texts.texts["name"], texts.texts["source"], texts.sieves) == ("Kies", "Rhine", (("16", "0"), ("8", "100")))
     assert again.query_params["draft"] == number
+
+
+def test_a_draft_is_whole_after_another_view(lab: Store) -> None:
+    app = type_in(form(), name="Kies", sieves="16 0\n8 100")
+    number, before = app.query_params["draft"], experiments.list_drafts(lab, "aggregate")
+    app._page_hash = calc_hash("aggregates")
+    app.run()
+    app._page_hash = calc_hash("new-aggregate")
+    app.query_params["draft"] = number
+    app.run()
+    assert (app.text_input(key="name").value, rows(app)) == ("Kies", [("16", "0"), ("8", "100")])
+    assert [draft.content for draft in experiments.list_drafts(lab, "aggregate")] == [before[0].content]
 
 
 def test_an_empty_form_is_no_draft_and_a_saved_one_is_none_any_more(lab: Store) -> None:

@@ -15,6 +15,7 @@ from pdlab.quantities import heading
 from pdlab.store import Store
 
 LISTED, OVERLAID, FIRST = 200, 8, 3  # rows of the list; curves that may be and are overlaid
+NAMES = "names_shown"  # of the aggregates that can be looked at, by their ids
 COLUMNS = {
     "aggregate": "aggregate",
     "delivery": "delivery",
@@ -40,15 +41,17 @@ def show(target: Store) -> None:
     with new:
         links.link("Enter a new aggregate", "new-aggregate")
     known = _list(target, text)
-    if not known:
+    chosen_before = {key: st.session_state[NAMES][key] for key in st.session_state.get("shown", ())}
+    offered = chosen_before | known  # what is looked at stays when the search changes
+    if not offered:
         return
+    st.session_state.setdefault("shown", list(known)[:FIRST])
     shown = st.multiselect(
-        "Gradings to look at", list(known), default=list(known)[:FIRST], max_selections=OVERLAID,
-        format_func=known.__getitem__, key="shown",
-    )  # fmt: skip
-    chosen = experiments.summaries(target, ids=shown)
-    for one in chosen:
-        _say(one)
+        "Gradings to look at", list(offered), max_selections=OVERLAID, format_func=offered.__getitem__, key="shown"
+    )
+    st.session_state[NAMES] = offered
+    chosen = sorted(experiments.summaries(target, ids=shown), key=lambda one: shown.index(one.aggregate_id))
+    _say(chosen)
     gradings = {_name(one.name, one.delivery): one.grading for one in chosen if one.grading is not None}
     if gradings:
         _compare(gradings)
@@ -76,11 +79,16 @@ def _list(target: Store, search: str) -> dict[int, str]:
     return {row[0]: _name(row[1], row[2]) for row in rows}
 
 
-def _say(one: Summary) -> None:
-    """Lead to an aggregate's calibration, and say what stands against it."""
-    links.link(f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id))
-    if one.message:
-        st.warning(plain(f"{one.name}: {one.message}"))
+def _say(chosen: Sequence[Summary]) -> None:
+    """Lead to the aggregates' calibrations, and say what stands against them."""
+    with st.container(horizontal=True):
+        for one in chosen:
+            links.link(
+                f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id)
+            )
+    for one in chosen:
+        if one.message:
+            st.warning(plain(f"{one.name}: {one.message}"))
 
 
 def _compare(gradings: Mapping[str, Grading]) -> None:

@@ -7,7 +7,7 @@ import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
 from pdlab import store
-from pdlab.errors import InputError
+from pdlab.errors import InputError, PdlabError
 from pdlab.page import aggregates, calibration, links, new_aggregate, predicted_vs_measured
 from pdlab.page.wording import plain
 from pdlab.store import Store
@@ -36,18 +36,22 @@ def main() -> None:
         return
     pages = {address: _page(address, target) for address in VIEWS}
     links.keep(pages)
-    st.navigation(list(pages.values())).run()
+    entrance = st.Page(lambda: links.go(HOME), title="pdlab", url_path="entrance", default=True, visibility="hidden")
+    st.navigation([entrance, *pages.values()], position="top").run()
 
 
 def _page(address: str, target: Store) -> StreamlitPage:
     title, show = VIEWS[address]
-    return st.Page(partial(_draw, title, show, target), title=title, url_path=address, default=address == HOME)
+    return st.Page(partial(_draw, title, show, target), title=title, url_path=address)
 
 
 def _draw(title: str, show: Callable[[Store], None], target: Store) -> None:
     st.title(title)
     links.said()
-    show(target)
+    try:
+        show(target)
+    except PdlabError as error:  # such as a database that does not answer now
+        st.error(plain(str(error)))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import streamlit as st
 from pdlab import charts, experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Explained, Waiting
-from pdlab.page.wording import plain
+from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
 
@@ -42,19 +42,25 @@ def show(target: Store) -> None:
 
 def _choose(target: Store) -> int | None:
     """Ask for an aggregate, the one of the address first; return its id."""
-    names = ["aggregate_id", "aggregate", "delivery"]
-    _, rows = experiments.listed(target, "aggregates", (), names, "-aggregate_id", LISTED)
-    known = {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
+    asked = st.query_params.get("aggregate", "")
+    known = _named(target)
     if not known:
         st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
         return None
-    asked = st.query_params.get("aggregate", "")
-    if asked.isdecimal():  # also one that is too old for the list
-        known.setdefault(int(asked), f"aggregate {asked}")
+    if asked.isdecimal():
+        if int(asked) not in known:  # too old for the list
+            known |= _named(target, f"aggregate_id={asked}") or {int(asked): f"aggregate {asked}"}
         st.session_state.setdefault(CHOSEN, int(asked))
     chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
     st.query_params["aggregate"] = str(chosen)
     return chosen
+
+
+def _named(target: Store, *where: str) -> dict[int, str]:
+    """Return the newest aggregates by their ids."""
+    names = ["aggregate_id", "aggregate", "delivery"]
+    _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
+    return {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
 
 
 def _result(known: Explained) -> None:
@@ -63,14 +69,15 @@ def _result(known: Explained) -> None:
         st.warning(plain(known.message))
     if known.value is not None and known.curve is not None:
         first, second, third = st.columns(3)
-        first.metric(label(known.curve.coefficient).capitalize(), f"{known.value:.4f}")
+        first.metric(begun(label(known.curve.coefficient)), f"{known.value:.4f}")
         ends = ["beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high)]
         second.metric("Its interval", " to ".join(ends))
         third.metric(
-            label(known.curve.sought).capitalize() + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
+            begun(label(known.curve.sought)) + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
         )
     if known.method:
-        st.markdown(plain(f"Method {known.method}: {known.why}."))
+        tried = "Method" if known.value is not None else "Method tried"
+        st.markdown(plain(f"{tried}: {known.method}, {known.why}."))
     for note in known.notes:
         st.caption(plain(note))
 

@@ -37,18 +37,19 @@ def boxes() -> list[DeltaGenerator]:
 
 def ask(box: DeltaGenerator, k: int) -> dict[str, str]:
     """Ask for a density test within its frame; return its texts."""
-    columns = box.columns([4, 3, 3, 3, 3])
-    columns[0].selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key=_key(k, "kind"))
-    columns[0].text_input("Value", key=_key(k, "value"))
-    columns[1].selectbox("Compaction", COMPACTIONS, key=_key(k, "compaction"))
-    columns[1].text_input("Moisture [%]", key=_key(k, "moisture_percent"))
-    columns[2].text_input("Repeats", key=_key(k, "repeats"))
-    columns[2].text_input("Deviation", key=_key(k, "standard_deviation"),
-                          help="Standard deviation of single tests, in the unit of the value.")  # fmt: skip
-    columns[3].text_input("Container Ø [mm]", key=_key(k, "container_diameter_mm"))
-    columns[3].text_input("Its height [mm]", key=_key(k, "container_height_mm"))
-    columns[4].text_input("Standard", key=_key(k, "standard"), placeholder="EN 1097-3, ASTM C29")
-    columns[4].text_input("Date", key=_key(k, "date"), placeholder="2026-03-31")
+    kind, compaction, repeats, wide, standard = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
+    kind.selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key=_key(k, "kind"))
+    compaction.selectbox("Compaction", COMPACTIONS, key=_key(k, "compaction"))
+    repeats.text_input("Repeats", key=_key(k, "repeats"))
+    wide.text_input("Container Ø [mm]", key=_key(k, "container_diameter_mm"))
+    standard.text_input("Standard", key=_key(k, "standard"), placeholder="EN 1097-3")
+    value, moisture, spread, high, date = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
+    value.text_input("Value", key=_key(k, "value"))
+    moisture.text_input("Moisture [%]", key=_key(k, "moisture_percent"))
+    spread.text_input("Deviation", key=_key(k, "standard_deviation"),
+                      help="Standard deviation of single tests, in the unit of the value.")  # fmt: skip
+    high.text_input("Its height [mm]", key=_key(k, "container_height_mm"))
+    date.text_input("Date", key=_key(k, "date"), placeholder="2026-03-31")
     return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}
 
 
@@ -58,7 +59,7 @@ def say(box: DeltaGenerator, read: TestRead) -> None:
         box.error(plain(sentence))
     if read.measured is None:
         return
-    left, right = box.columns(2)
+    left, right = box.columns([2, 1])
     packing = read.measured.packing_density
     left.metric("Packing density", f"{packing:.4f} ± {read.measured.standard_error:.4f}")
     right.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(packing):.1f}")

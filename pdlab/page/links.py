@@ -23,7 +23,8 @@ def link(label: str, address: str, **query: str) -> None:
 
 def go(address: str, sentence: str = "", **query: str) -> NoReturn:
     """Open the view at an address and say a sentence there."""
-    st.session_state[SAID] = sentence
+    if sentence:
+        st.session_state[SAID] = sentence
     st.switch_page(st.session_state[PAGES][address], query_params=query or None)
 
 

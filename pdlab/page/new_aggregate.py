@@ -82,14 +82,14 @@ def _offer_drafts(target: Store) -> None:
 
 def _material() -> dict[str, str]:
     """Ask for the aggregate itself; return its texts."""
-    name, delivery, dense, basis = st.columns(4)
+    name, delivery, dense, basis = st.columns(4, vertical_alignment="bottom")
     name.text_input("Name of the aggregate", key="name")
-    delivery.text_input("Delivery (empty for the first)", key="delivery")
+    delivery.text_input("Delivery", key="delivery", help="Empty for the first.")
     dense.text_input(
         "Particle density [kg/m³]", key="particle_density_kg_m3", help="Turns a bulk density into a packing density."
     )
     basis.selectbox("Its basis", list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis")
-    wet, source, shape, repose, slip = st.columns(5)
+    wet, source, shape, repose, slip = st.columns(5, vertical_alignment="bottom")
     wet.text_input("Absorption [%]", key="water_absorption_percent", help="Of water; needed unless oven-dry.")
     source.text_input("Source", key="source", placeholder="quarry, supplier")
     shape.text_input("Shape", key="shape")
@@ -101,33 +101,36 @@ def _material() -> dict[str, str]:
 def _grading(read: SievesRead, kind: str) -> None:
     """Show what a sieve table says, its errors beside their rows."""
     st.subheader("Grading")
-    grading = read.grading
     if not read.rows:
         st.caption("The grading curve is drawn here while you type.")
         return
-    passing = dict(zip(grading.apertures, grading.passing, strict=True)) if grading else {}
-    rows = [row for row in read.rows if row.row is not None or row.error]
-    if rows:
-        apertures = [row.row.aperture if row.row else None for row in rows]
-        frame = pd.DataFrame(
-            {
-                "row": [str(row.line) for row in rows],
-                "sieve [mm]": [
-                    plain(_sieve(row.text, aperture)) for row, aperture in zip(rows, apertures, strict=True)
-                ],
-                heading(kind): [f"{row.row.value:g}" if row.row else "" for row in rows],
-                "passing [%]": [f"{100.0 * passing[a]:.1f}" if a in passing else "" for a in apertures],
-                "what is wrong": [plain(row.error or "") for row in rows],
-            }
-        )
-        st.table(frame if any(row.error for row in rows) else frame.drop(columns="what is wrong"), hide_index=True)
+    _rows(read, heading(kind))
     for sentence in read.wrong:
         st.error(plain(sentence))
-    if grading is not None:
-        for warning in grading.warnings:
+    if read.grading is not None:
+        for warning in read.grading.warnings:
             st.warning(plain(warning))
-        st.plotly_chart(charts.grading_curve({"grading": grading}), key="curve")
-        st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(grading):.4g} mm")
+        st.plotly_chart(charts.grading_curve({"grading": read.grading}), key="curve")
+        st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(read.grading):.4g} mm")
+
+
+def _rows(read: SievesRead, values: str) -> None:
+    """Show the rows that have a value or an error, as they are read; ``values``: the heading of their values."""
+    rows = [row for row in read.rows if row.row is not None or row.error]
+    passing = dict(zip(read.grading.apertures, read.grading.passing, strict=True)) if read.grading else {}
+    apertures = [row.row.aperture if row.row else None for row in rows]
+    frame = pd.DataFrame(
+        {
+            "row": [str(row.line) for row in rows],
+            "sieve [mm]": [plain(_sieve(row.text, aperture)) for row, aperture in zip(rows, apertures, strict=True)],
+            values: [f"{row.row.value:g}" if row.row else "" for row in rows],
+            "passing [%]": [f"{100.0 * passing[a]:.1f}" if a in passing else "" for a in apertures],
+            "what is wrong": [plain(row.error or "") for row in rows],
+        }
+    )
+    wrong = any(row.error for row in rows)
+    if rows:
+        st.table(frame.drop(columns="passing [%]" if wrong else "what is wrong"), hide_index=True)
 
 
 def _sieve(text: str, aperture: float | None) -> str:

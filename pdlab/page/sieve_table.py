@@ -35,19 +35,20 @@ def ask_texts() -> dict[str, str]:
     first, second = st.columns(2)
     first.selectbox("Sieves", [FREE, *SIEVE_SETS], key="sieve_set", on_change=_choose_set)
     second.selectbox("The values are", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key="kind")
-    first.text_input("Sample mass [g]", key="sample_mass_g", help="Empty when unknown.",
-                     disabled=st.session_state["kind"] != "retained_g")  # fmt: skip
-    second.text_input("Pan from [mm]", key="pan_lower_mm", help="The smallest grain in the pan; empty when unknown.")
-    first.text_input("Standard", key="sieve_standard", placeholder="EN 933-1, ASTM C136")
-    second.text_input("Date", key="sieve_date", placeholder="2026-03-31")
+    mass, pan, standard, date = st.columns([3, 3, 4, 4], vertical_alignment="bottom")
+    mass.text_input("Sample [g]", key="sample_mass_g", help="Its mass; empty when unknown.",
+                    disabled=st.session_state["kind"] != "retained_g")  # fmt: skip
+    pan.text_input("Pan [mm]", key="pan_lower_mm", help="The smallest grain in the pan; empty when unknown.")
+    standard.text_input("Standard", key="sieve_standard", placeholder="EN 933-1")
+    date.text_input("Date", key="sieve_date", placeholder="2026-03-31")
     return {name: st.session_state[name] for name in SIEVE_TEXTS}
 
 
 def ask_table() -> list[tuple[str, str]]:
     """Draw the grid; return the texts of its rows."""
     columns = {
-        "sieve": st.column_config.TextColumn("sieve: mm, No. 4, 3/8 in, pan", width="medium"),
-        "value": st.column_config.TextColumn("value", width="medium"),
+        "sieve": st.column_config.TextColumn("sieve", help="millimetres, No. 4, 3/8 in, 63 µm, or pan"),
+        "value": st.column_config.TextColumn("value"),
     }
     base = pd.DataFrame(st.session_state[BASE], columns=["sieve", "value"], dtype=object)
     edited = st.data_editor(
@@ -58,7 +59,10 @@ def ask_table() -> list[tuple[str, str]]:
     while rows and not any(rows[-1]):
         rows.pop()
     st.session_state[NOW] = rows
-    st.caption("Type or paste; decimal comma or point. A sieve without a value counts as not used.")
+    st.caption(
+        "Sieves in mm or by name: No. 4, 3/8 in, pan. Type or paste; decimal comma or point. A sieve without a value "
+        "counts as not used."
+    )
     with st.expander("Fill from a text or a file"):
         st.text_area("Sieve and value in each line", key="pasted", placeholder=EXAMPLE, height=140)
         st.button("Take the text", on_click=_take_text, key="take_text")
