@@ -139,6 +139,16 @@ def test_the_page_shows_the_coefficient_with_its_interval(lab: Store) -> None:
     assert "monosized" in app.markdown[0].value
 
 
+def test_the_page_says_which_method_was_tried_and_what_reaches(lab: Store, tmp_path: Path) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    (tmp_path / "packing_tests.csv").write_text("material,compaction,packing_density\npebbles F,loose,0.47\n")
+    experiments.register(lab, read_path(tmp_path / "packing_tests.csv"))
+    experiments.calibrate(lab, FormulaRunner(lab), ["pebbles F"])
+    app = view(aggregate(lab))
+    assert "use the method 'monosized_rolling', or 'auto'" in app.warning[0].value.replace("\\", "")
+    assert app.markdown[0].value.replace("\\", "").startswith("Method tried: monosized, equal spheres")
+
+
 def test_an_address_of_no_aggregate_is_a_sentence(lab: Store) -> None:
     assert any("holds no aggregate yet" in info.value for info in view("").info)
     experiments.register(lab, read_path(SHIPPED))
