@@ -53,7 +53,7 @@ def test_what_cannot_be_swept_ends_with_exit_code_2(swept_lab: Path) -> None:
 
 
 def test_lab_sweeps_and_gives_the_curve_as_a_frame(swept_lab: Path) -> None:
-    from pdlab.lab import sweep_frame
+    from pdlab.frames import sweep_frame
 
     with Lab(str(swept_lab / "pdlab.db")) as lab:
         report = lab.sweep(ASKED[:2], standard_error=0.003, most=6)

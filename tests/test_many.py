@@ -20,7 +20,8 @@ from pdlab.batch.many import Survey, Told, predict_table, survey
 from pdlab.batch.runner import Runner
 from pdlab.errors import InputError, RunDiverged, TableError
 from pdlab.experiments import Way, effort, register
-from pdlab.lab import PREDICTION_COLUMNS, SHIPPED, Lab
+from pdlab.frames import PREDICTION_COLUMNS
+from pdlab.lab import SHIPPED, Lab
 from pdlab.models import Calibration, Mixture, Prediction, Run
 from pdlab.specimen import Specimen
 from pdlab.store import Store

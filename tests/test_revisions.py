@@ -14,8 +14,8 @@ from conftest import STORES, both, check_kept
 
 from pdlab.errors import MigrationFailed, StoreError
 from pdlab.experiments import calibrate, comparisons, listed, predict, summaries
+from pdlab.frames import prediction_frame
 from pdlab.grading import SieveRow, SieveTable
-from pdlab.lab import prediction_frame
 from pdlab.models import Base
 from pdlab.store import Store, copying, open_store, revisions, runs, sizes, upgrade
 from pdlab.store.databases import connected, parse

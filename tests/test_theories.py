@@ -10,7 +10,7 @@ from pdlab import theory
 from pdlab.errors import DensityError, GradingError, InputError, ProtocolError, UnknownName
 from pdlab.experiments import by_theory, comparisons, predict, register
 from pdlab.experiments.theories import MODELS, Recipe, Theoretical, evaluate
-from pdlab.lab import prediction_frame
+from pdlab.frames import prediction_frame
 from pdlab.store import Store
 from pdlab.tables import read_path
 from pdlab.theory import Material

@@ -29,7 +29,7 @@ def compare(
     store: Store = None,
 ) -> None:
     """Compare every method with the measured mixtures: bias, errors and their intervals. Simulates nothing."""
-    from pdlab.lab import comparison_frame, difference_frame
+    from pdlab.frames import comparison_frame, difference_frame
 
     files = []
     if output is not None:

@@ -212,7 +212,7 @@ def predict(
 ) -> None:
     """Simulate mixtures and set their packing density beside the measured one."""
     from pdlab.experiments import Way
-    from pdlab.lab import prediction_frame
+    from pdlab.frames import prediction_frame
 
     way = Way(method, rule, seeds, leave_out)
     if output is not None:

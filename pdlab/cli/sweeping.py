@@ -42,7 +42,7 @@ def sweep(
     threads: Threads = 1,
 ) -> None:
     """Find the densest mix of aggregates by as few beds as it takes, and the mix to test next."""
-    from pdlab.lab import sweep_frame
+    from pdlab.frames import sweep_frame
 
     if output is not None:
         check_writable(output)
