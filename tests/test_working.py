@@ -127,6 +127,10 @@ def test_a_lease_keeps_others_off_until_it_ends(filled: Store) -> None:
         assert store_room.beat(session, "first", dict.fromkeys(keys, 0.5)) == set()
         assert store_room.beat(session, "second", dict.fromkeys(keys, 0.5)) == set(keys)
     assert {row.progress for row in rows(filled, Prediction)} == {0.5}
+    with filled.write() as session:
+        session.execute(sa.update(Prediction).values(heartbeat=now() - dt.timedelta(seconds=LEASE - 1)))
+        assert store_room.beat(session, "second", {}) == set(keys), "also those that have not begun"
+    assert all(now() - row.heartbeat < dt.timedelta(seconds=LEASE / 2) for row in rows(filled, Prediction))
     assert claim("third") == []
     assert claim("third", lambda name: name == "second") == keys, "who is known to have ended holds nothing"
 

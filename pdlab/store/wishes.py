@@ -108,19 +108,18 @@ def _free(session: Session, table: Any, is_gone: Callable[[str], bool]) -> sa.Co
 
 
 def beat(session: Session, who: str, progress: Mapping[Key, float]) -> set[Key]:
-    """Renew a runner's leases and say how far its wishes are [0 to 1]; return those that it still holds."""
-    held = set[Key]()
+    """Renew a runner's leases and say how far some of its wishes are [0 to 1]; return all that it still holds."""
+    held, options = set[Key](), UNCOMPARED | {"synchronize_session": False}
     for kind, table in KINDS.items():
         mine = sa.and_(table.claimed_by == who, table.state == "running")
-        for key in list(session.scalars(sa.select(table.id).where(mine))):
-            share = progress.get((kind, key))
-            if share is None:
-                continue
-            held.add((kind, key))
-            change = sa.update(table).where(table.id == key).values(heartbeat=now(), progress=min(max(share, 0.0), 1.0))
-            session.execute(change, execution_options=UNCOMPARED | {"synchronize_session": False})
+        held |= {(kind, key) for key in session.scalars(sa.select(table.id).where(mine))}
+        session.execute(sa.update(table).where(mine).values(heartbeat=now()), execution_options=options)
+    for (kind, key), share in progress.items():
+        if (kind, key) in held:
+            told = sa.update(KINDS[kind]).where(KINDS[kind].id == key).values(progress=min(max(share, 0.0), 1.0))
+            session.execute(told, execution_options=options)
     runs = sa.update(Run).where(Run.claimed_by == who, Run.state == "running").values(heartbeat=now())
-    session.execute(runs, execution_options=UNCOMPARED | {"synchronize_session": False})
+    session.execute(runs, execution_options=options)
     return held
 
 
