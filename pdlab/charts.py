@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import plotly.graph_objects as go
 
-from pdlab.experiments import DrawnCurve, Explained, PredictionReport
+from pdlab.experiments import DrawnBed, DrawnCurve, Explained, PredictionReport
 from pdlab.grading import Grading
 from pdlab.quantities import label
 
@@ -15,6 +15,8 @@ INK, SERIES, GRID, BAND = "#7b8794", "#3488a8", "rgba(128, 128, 128, 0.25)", "rg
 LINES = ("#3488a8", "#d1495b", "#b08a20", "#4c9a5f", "#9568c4", "#d9822b", "#6285e0", "#a86a5a")
 DASHES = ("dash", "dot", "dashdot")
 LIMITS = "rgba(209, 140, 29, 0.20)"
+BED_PIXELS = 420
+"""Pixels that the longest side of a bed takes before it is zoomed."""
 LEAST_RATIO = 1.12
 """Ratio of two sieves whose labels do not overlap."""
 Curve = tuple[Sequence[float], Sequence[float]]
@@ -35,12 +37,15 @@ def _plain(text: str) -> str:
 
 
 def grading_curve(
-    gradings: Mapping[str, Grading], targets: Mapping[str, Curve] | None = None, limits: Sequence[Limit] = ()
+    gradings: Mapping[str, Grading],
+    targets: Mapping[str, Curve] | None = None,
+    limits: Sequence[Limit] = (),
+    mixture: Grading | None = None,
 ) -> go.Figure:
     """Return percent passing over aperture, log axis with the sieves as ticks, a line for each name.
 
     ``targets``: sizes [mm] and shares passing [-] to compare with, by name. ``limits``: a band of aperture [mm], least
-    and largest percent passing.
+    and largest percent passing. ``mixture``: a thick line, beside which those of its parts are thin.
     """
     figure, ticks = go.Figure(), set[float]()
     if limits:
@@ -50,20 +55,25 @@ def grading_curve(
         passing = [100.0 * share for share in shares]
         figure.add_scatter(x=list(sizes), y=passing, mode="lines", name=_plain(name), line=line, hoverinfo="name")
     for k, (raw, grading) in enumerate(gradings.items()):
-        name = _plain(raw)
-        passing = [100.0 * float(share) for share in grading.passing]
+        line = {"color": LINES[k % len(LINES)], "width": 2.0 if mixture is None else 1.2}
+        _add_grading(figure, _plain(raw), grading, line)
         ticks |= set(grading.apertures)
-        figure.add_scatter(
-            x=list(grading.apertures), y=passing, mode="lines+markers", name=name, line_color=LINES[k % len(LINES)],
-            hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
-        )  # fmt: skip
+    if mixture is not None:
+        _add_grading(figure, "mixture", mixture, {"color": INK, "width": 4})
     values = _apart(sorted(ticks))
     text = [f"{value:g}" for value in values]
     figure.update_xaxes(type="log", tickvals=values, ticktext=text, title=label("aperture"), gridcolor=GRID)
     figure.update_yaxes(range=[-2, 102], title=label("passing_percent"), gridcolor=GRID)
     _styled(figure, 420)
-    named = len(gradings) > 1 or bool(targets or limits)
+    named = len(gradings) > 1 or bool(targets or limits or mixture)
     return figure.update_layout(showlegend=named, legend={"orientation": "h", "y": -0.25})
+
+
+def _add_grading(figure: go.Figure, name: str, grading: Grading, line: Mapping[str, object]) -> None:
+    figure.add_scatter(
+        x=list(grading.apertures), y=[100.0 * float(share) for share in grading.passing], mode="lines+markers",
+        name=name, line=dict(line), hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
+    )  # fmt: skip
 
 
 def _add_band(figure: go.Figure, limits: Sequence[Limit]) -> None:
@@ -150,6 +160,27 @@ def _add_measured(figure: go.Figure, known: Explained) -> None:
         ends = [known.value if end is None else end for end in (known.low, known.high)]
         figure.add_vrect(*(float(np.sqrt(end)) for end in ends), fillcolor=BAND, line_width=0)
         figure.add_vline(float(np.sqrt(known.value)), line={"color": INK, "dash": "dot"})
+
+
+def bed(drawn: DrawnBed) -> go.Figure:
+    """Return a bed's spheres in three dimensions, coloured by aggregate, lengths in mm with one scale for all axes.
+
+    The markers' diameters are in the proportions of the spheres; they do not grow when the view is zoomed.
+    """
+    figure = go.Figure()
+    extent = float(np.ptp(drawn.place[:, :3], axis=0).max() + 2.0 * drawn.place[:, 3].max())
+    for k, name in enumerate(drawn.names):
+        x, y, z, radius = drawn.place[drawn.part == k].T
+        figure.add_scatter3d(
+            x=x, y=y, z=z, mode="markers", name=_plain(name), customdata=2.0 * radius,
+            marker={"size": BED_PIXELS * 2.0 * radius / extent, "sizemode": "diameter", "opacity": 1.0,
+                    "color": LINES[k % len(LINES)], "line": {"width": 0}},
+            hovertemplate="Ø %{customdata:.3g} mm<extra>" + _plain(name) + "</extra>",
+        )  # fmt: skip
+    axes = {f"{axis}axis": {"title": f"{axis} [mm]", "gridcolor": GRID} for axis in "xyz"}
+    view = {"eye": {"x": 0.4, "y": -2.0, "z": 0.6}, "projection": {"type": "orthographic"}}
+    figure.update_layout(scene={"aspectmode": "data", "camera": view, **axes})
+    return _styled(figure, 640).update_layout(showlegend=True, legend={"orientation": "h", "itemsizing": "constant"})
 
 
 def _apart_by(values: Sequence[float]) -> list[float]:

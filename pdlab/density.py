@@ -1,6 +1,7 @@
 """A bulk-density test and a particle density → the measured packing density and its error."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pdlab.errors import DensityError
@@ -148,6 +149,23 @@ def measured_packing(
 def voids_percent(packing_density: float) -> float:
     """Return the voids [%] between the grains of a packing density [-]."""
     return 100.0 * (1.0 - packing_density)
+
+
+def void_volume(packing_density: float) -> float:
+    """Return the voids [L] in a cubic metre of aggregate of a packing density [-], which paste must fill at least."""
+    return 1000.0 * (1.0 - packing_density)
+
+
+def bulk_density(packing_density: float, particle_density: float) -> float:
+    """Return the oven-dry bulk density [kg/m³] of a packing density [-] and an oven-dry particle density [kg/m³]."""
+    return packing_density * particle_density
+
+
+def mass_shares(solid_volume_shares: Sequence[float], particle_densities: Sequence[float]) -> list[float]:
+    """Return mass shares [-] from solid-volume shares [-] and oven-dry particle densities [kg/m³]."""
+    masses = [share * density for share, density in zip(solid_volume_shares, particle_densities, strict=True)]
+    total = sum(masses)
+    return [mass / total for mass in masses]
 
 
 def solid_volume_shares(mass_shares: list[float], particle_densities: list[float]) -> list[float]:

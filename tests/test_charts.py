@@ -1,8 +1,10 @@
 """Figures hold what they were given."""
 
+import numpy as np
+
 from pdlab import charts
-from pdlab.experiments import PredictionReport
-from pdlab.grading import ASTM_C33_FINE, SieveRow, SieveTable, make_grading
+from pdlab.experiments import DrawnBed, PredictionReport
+from pdlab.grading import ASTM_C33_FINE, SieveRow, SieveTable, combined, make_grading
 
 
 def test_a_grading_curve_has_the_sieves_as_ticks_on_a_log_axis() -> None:
@@ -38,3 +40,24 @@ def test_a_parity_chart_has_both_errors_and_one_range() -> None:
     assert (list(points.x), list(points.y)) == ([0.65], [0.66])
     assert (list(points.error_x.array), list(points.error_y.array)) == ([0.005], [0.01])
     assert figure.layout.xaxis.range == figure.layout.yaxis.range
+
+
+def test_a_mixture_s_grading_is_thick_and_its_parts_are_thin() -> None:
+    coarse = make_grading(SieveTable((SieveRow(16.0, 0.0), SieveRow(4.0, 100.0)), "retained_g"))
+    fine = make_grading(SieveTable((SieveRow(4.0, 0.0), SieveRow(1.0, 100.0)), "retained_g"))
+    mixed = combined([coarse, fine], [0.5, 0.5])
+    lines = charts.grading_curve({"C": coarse, "F": fine}, mixture=mixed).data
+    assert [line.name for line in lines] == ["C", "F", "mixture"]
+    assert lines[2].line.width > 2.0 * max(lines[0].line.width, lines[1].line.width)
+    assert [float(value) for value in lines[2].y] == [100.0, 50.0, 0.0]
+
+
+def test_a_bed_has_a_colour_for_each_aggregate_and_one_scale_for_all_axes() -> None:
+    place = np.array([[5.0, 5.0, 5.0, 5.0], [15.0, 5.0, 2.0, 2.0], [5.0, 15.0, 2.0, 2.0]])
+    figure = charts.bed(DrawnBed(place, np.array([0, 1, 1]), ("<i>C", "F"), 3, "ab", 1))
+    coarse, fine = figure.data
+    assert (coarse.name, fine.name) == ("&lt;i>C", "F")
+    assert coarse.marker.color != fine.marker.color
+    assert (list(fine.x), list(fine.y), list(fine.z)) == ([15.0, 5.0], [5.0, 15.0], [2.0, 2.0])
+    assert coarse.marker.size[0] / fine.marker.size[0] == 2.5
+    assert figure.layout.scene.aspectmode == "data"

@@ -4,6 +4,7 @@ Whatever must be simulated goes to ``run_all``, which is handed in, so that this
 """
 
 from pdlab.experiments.assumptions import CHOICES, Assumed, Sheet, sheet
+from pdlab.experiments.beds import DrawnBed, prediction_bed
 from pdlab.experiments.calibrations import CalibrationReport, calibrate, to_calibrate
 from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
@@ -28,7 +29,6 @@ from pdlab.experiments.explaining import (
     CurveNode,
     DrawnCurve,
     Explained,
-    Waiting,
     ask_calibration,
     explain,
     waiting_calibration,
@@ -36,6 +36,17 @@ from pdlab.experiments.explaining import (
 from pdlab.experiments.export import Exported, export_tables
 from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
+from pdlab.experiments.mixing import (
+    Composed,
+    SharesRead,
+    ask_prediction,
+    compose,
+    composition,
+    mixture_names,
+    read_shares,
+    register_mixture,
+    waiting_prediction,
+)
 from pdlab.experiments.predictions import answered, predict, to_predict
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
@@ -45,6 +56,7 @@ from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
+from pdlab.experiments.waiting import Waiting
 from pdlab.experiments.ways import METHODS, OTHERS, Way
 from pdlab.experiments.wishes import (
     Asked,
@@ -71,9 +83,11 @@ __all__ = [
     "Assumed",
     "CalibrationReport",
     "Compared",
+    "Composed",
     "Corrected",
     "CurveNode",
     "Drafted",
+    "DrawnBed",
     "DrawnCurve",
     "EnteredAggregate",
     "Explained",
@@ -85,6 +99,7 @@ __all__ = [
     "Registered",
     "Report",
     "RunAll",
+    "SharesRead",
     "Sheet",
     "SievesRead",
     "Summary",
@@ -98,6 +113,7 @@ __all__ = [
     "answering",
     "ask_calibration",
     "ask_calibrations",
+    "ask_prediction",
     "ask_predictions",
     "ask_sweep",
     "beds_to_run",
@@ -106,6 +122,8 @@ __all__ = [
     "cancel",
     "compare",
     "comparisons",
+    "compose",
+    "composition",
     "correct",
     "counted",
     "delete",
@@ -118,12 +136,16 @@ __all__ = [
     "listed",
     "load_draft",
     "measured_aggregate",
+    "mixture_names",
     "predict",
+    "prediction_bed",
     "read_entered",
+    "read_shares",
     "refresh",
     "register",
     "register_each",
     "register_entered",
+    "register_mixture",
     "report_on",
     "save_draft",
     "sentences",
@@ -136,4 +158,5 @@ __all__ = [
     "to_sweep",
     "verify",
     "waiting_calibration",
+    "waiting_prediction",
 ]

@@ -14,10 +14,11 @@ from pdlab.experiments.calibrations import calibration_report
 from pdlab.experiments.curves import Curves
 from pdlab.experiments.opening import Open, open_calibration
 from pdlab.experiments.readings import is_stale, older_engine
+from pdlab.experiments.waiting import Waiting, waiting_of
 from pdlab.experiments.ways import AUTO, Way
 from pdlab.experiments.wishes import ask_calibrations
 from pdlab.models import Aggregate, Calibration
-from pdlab.store import Key, Store
+from pdlab.store import Store
 
 POINTS = 60
 """Coefficients at which a curve is drawn."""
@@ -46,16 +47,6 @@ class DrawnCurve:
     values: tuple[float, ...]
     means: tuple[float, ...]
     errors: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Waiting:
-    """A calibration that is wished for: its ``key``, its state (queued or running), how far it is [0 to 1]."""
-
-    key: Key
-    method: str
-    state: str
-    progress: float
 
 
 @dataclass(frozen=True)
@@ -106,7 +97,7 @@ def waiting_calibration(target: Store, aggregate_id: int) -> Waiting | None:
     """Return the calibration that an aggregate waits for, the last asked for; None where it waits for none."""
     with target.read() as session:
         row = store.waiting_calibration(session, aggregate_id)
-        return None if row is None else Waiting(("calibration", row.id), row.method, row.state, row.progress)
+        return None if row is None else waiting_of(session, ("calibration", row.id), row)
 
 
 def ask_calibration(target: Store, aggregate_id: int, method: str) -> str:

@@ -1,5 +1,6 @@
 """Sieves → size distribution → one equivalent diameter; what gradings are called by and compared with."""
 
+from pdlab.grading.combining import combined
 from pdlab.grading.diameters import (
     DEFAULT_RULE,
     RULES,
@@ -51,6 +52,7 @@ __all__ = [
     "check",
     "check_rows",
     "check_rule",
+    "combined",
     "equivalent_diameter",
     "equivalent_diameters",
     "fineness_modulus",

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 import pandas as pd
 import streamlit as st
 
-from pdlab import charts, experiments, tables
-from pdlab.errors import InputError
+from pdlab import experiments
 from pdlab.experiments import Summary
-from pdlab.grading import ASTM_C33_FINE, Grading, indices, interpolated_sieves, retained_percents, targets
+from pdlab.grading import Grading, indices, interpolated_sieves, retained_percents
 from pdlab.page import links
+from pdlab.page.gradings import compare
 from pdlab.page.wording import plain
 from pdlab.quantities import heading
 from pdlab.store import Store
@@ -30,8 +30,6 @@ COLUMNS = {
 }
 FORMATS = {"finest_mm": "%.4g", "coarsest_mm": "%.4g", "diameter_mm": "%.2f", "packing_density": "%.4f",
            "friction": "%.4f", "rolling_friction": "%.4f"}  # fmt: skip
-C33 = "ASTM C33 fine"
-TARGETS = ("Fuller", "Andreassen", "0.45-power", C33)
 
 
 def show(target: Store) -> None:
@@ -93,33 +91,12 @@ def _say(chosen: Sequence[Summary]) -> None:
 
 def _compare(gradings: Mapping[str, Grading]) -> None:
     """Show gradings beside each other and beside the chosen targets."""
-    wanted, largest, exponent = _ask_targets(max(grading.apertures[0] for grading in gradings.values()))
-    finest = min(grading.apertures[-1] for grading in gradings.values())
-    try:
-        size = tables.above_zero("mm")(largest)
-        curves = targets(finest, size, tables.parse_number(exponent)) if wanted else {}
-    except InputError as error:
-        st.error(plain(str(error)))
-        curves = {}
-    beside = {name: curve for name, curve in curves.items() if name in wanted}
-    st.plotly_chart(charts.grading_curve(gradings, beside, ASTM_C33_FINE if C33 in wanted else ()), key="curves")
+    compare(gradings)
     left, right = st.columns(2)
     with left:
         _indices(gradings)
     with right:
         _retained(gradings)
-
-
-def _ask_targets(coarsest: float) -> tuple[Sequence[str], str, str]:
-    """Ask what to compare with; return the targets, the largest size and Andreassen's exponent as texts."""
-    first, second, third = st.columns([3, 1, 1])
-    wanted = first.multiselect("Compare with", TARGETS, key="targets")
-    largest = second.text_input(
-        "Largest size D [mm]", key="largest", placeholder=f"{coarsest:g}",
-        help="Of the targets' curves (d/D)^q; when empty, the coarsest sieve of those shown.",
-    )  # fmt: skip
-    exponent = third.text_input("Andreassen's q", key="exponent", placeholder="0.37", help="0.37 when empty.")
-    return wanted, largest.strip() or f"{coarsest:g}", exponent.strip() or "0.37"
 
 
 def _indices(gradings: Mapping[str, Grading]) -> None:

@@ -1,15 +1,18 @@
 """An aggregate's calibration: its curve and runs, what was measured, the coefficient; a wish for one."""
 
+from functools import partial
+
 import streamlit as st
 
 from pdlab import charts, experiments
 from pdlab.errors import UnknownName
-from pdlab.experiments import METHODS, OTHERS, Explained, Waiting
+from pdlab.experiments import METHODS, OTHERS, Explained
+from pdlab.page import watching
 from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
 
-LISTED, TICK = 200, 2.0  # aggregates to choose from; seconds between looks at a wish
+LISTED = 200  # aggregates to choose from
 CHOSEN = "aggregate"
 WAYS = (OTHERS[1], *METHODS, OTHERS[0])  # auto first
 
@@ -28,7 +31,7 @@ def show(target: Store) -> None:
     if waiting is None:
         _ask(target, chosen)
     else:
-        _watch(target, chosen, waiting)
+        watching.watch(target, waiting, partial(experiments.waiting_calibration, target, chosen))
     _result(known)
     if known.curve is None and known.measured is not None:
         st.info("No bed of its curve is simulated yet.")
@@ -91,22 +94,3 @@ def _ask(target: Store, chosen: int) -> None:
             st.error(plain(refused))
         else:
             st.rerun()
-
-
-def _watch(target: Store, chosen: int, waiting: Waiting) -> None:
-    """Show how far a wish is, beside a button that cancels it."""
-    left, right = st.columns([3, 1], vertical_alignment="center")
-    with left:
-        _progress(target, chosen)
-    if right.button("Cancel", key="cancel"):
-        experiments.cancel(target, [waiting.key])
-        st.rerun()
-
-
-@st.fragment(run_every=TICK)
-def _progress(target: Store, chosen: int) -> None:
-    waiting = experiments.waiting_calibration(target, chosen)
-    if waiting is None:
-        st.rerun()
-    said = "queued: it begins when a runner takes it up" if waiting.state == "queued" else "running"
-    st.progress(waiting.progress, text=f"{waiting.method}, {said}, {100.0 * waiting.progress:.0f} %")

@@ -65,8 +65,10 @@ from pdlab.store.wishes import (
     claimed,
     end_wish,
     free_runs,
+    is_attended,
     release,
     waiting_calibration,
+    waiting_prediction,
     wish_states,
 )
 
@@ -117,6 +119,7 @@ __all__ = [
     "find_row",
     "find_run",
     "free_runs",
+    "is_attended",
     "is_made",
     "last_calibration",
     "last_prediction",
@@ -146,6 +149,7 @@ __all__ = [
     "swept",
     "upgrade",
     "waiting_calibration",
+    "waiting_prediction",
     "waiting_sweeps",
     "wish_states",
     "with_descent",

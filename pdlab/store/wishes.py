@@ -210,3 +210,19 @@ def waiting_calibration(session: Session, aggregate_id: int) -> Calibration | No
     waiting = sa.and_(Calibration.state.in_(WAITING), Calibration.variant == "")
     query = sa.select(Calibration).where(Calibration.aggregate_id == aggregate_id, waiting)
     return session.scalars(query.order_by(Calibration.id.desc()).limit(1)).first()
+
+
+def waiting_prediction(session: Session, mixture_id: int) -> Prediction | None:
+    """Return the prediction of a mixture that waits or is worked on, the last asked for; no variant."""
+    waiting = sa.and_(Prediction.state.in_(WAITING), Prediction.variant == "")
+    query = sa.select(Prediction).where(Prediction.mixture_id == mixture_id, waiting)
+    return session.scalars(query.order_by(Prediction.id.desc()).limit(1)).first()
+
+
+def is_attended(session: Session) -> bool:
+    """Return whether a runner works on any wish, told by a heartbeat within the lease."""
+    fresh = now() - dt.timedelta(seconds=LEASE)
+    return any(
+        session.scalar(sa.select(sa.exists().where(table.state == "running", table.heartbeat >= fresh)))
+        for table in KINDS.values()
+    )

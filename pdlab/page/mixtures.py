@@ -1,0 +1,86 @@
+"""Mixtures: one that the store holds with its prediction, or a new one; both by the address."""
+
+from functools import partial
+
+import pandas as pd
+import streamlit as st
+
+from pdlab import experiments
+from pdlab.errors import UnknownName
+from pdlab.experiments import METHODS, OTHERS, Composed
+from pdlab.page import composing, watching
+from pdlab.page.composing import MIXTURE, OPEN
+from pdlab.page.gradings import compare
+from pdlab.page.prediction import result
+from pdlab.page.wording import plain
+from pdlab.store import Store
+
+LISTED, NEW = 200, 0  # mixtures to choose from; in place of an id, the mixture that is yet to be put together
+WAYS = (OTHERS[1], *METHODS, OTHERS[0])  # auto first
+
+
+def show(target: Store) -> None:
+    """Draw the view."""
+    chosen = _choose(target)
+    if chosen == NEW:
+        composing.show(target)
+        return
+    try:
+        composed = experiments.composition(target, chosen)
+    except UnknownName as error:
+        st.error(plain(str(error)))
+        return
+    waiting = experiments.waiting_prediction(target, chosen)
+    if waiting is None:
+        _ask(target, chosen)
+    else:
+        watching.watch(target, waiting, partial(experiments.waiting_prediction, target, chosen))
+    result(target, composed)
+    _parts(composed)
+
+
+def _choose(target: Store) -> int:
+    """Ask for a mixture, the one of the address first; return its id, or that a new one is wanted."""
+    known = {NEW: "a new mixture"} | experiments.mixture_names(target, LISTED)
+    if OPEN in st.session_state:  # one that was saved a moment ago
+        st.session_state[MIXTURE] = st.session_state.pop(OPEN)
+    asked = st.query_params.get("mixture", "")
+    if asked.isdecimal():
+        st.session_state.setdefault(MIXTURE, int(asked))
+    if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
+        known[kept] = f"mixture {kept}"
+    chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)
+    if chosen != NEW:
+        st.query_params["mixture"] = str(chosen)
+    elif "mixture" in st.query_params:
+        del st.query_params["mixture"]
+    return chosen
+
+
+def _ask(target: Store, chosen: int) -> None:
+    """Offer to wish for a prediction."""
+    left, right = st.columns([1, 1], vertical_alignment="bottom")
+    method = left.selectbox(
+        "Method", WAYS, key="way", help="auto takes for each aggregate the first of the others that reaches its test."
+    )
+    if right.button("Predict", type="primary", key="predict"):
+        if refused := experiments.ask_prediction(target, chosen, method):
+            st.error(plain(refused))
+        else:
+            st.rerun()
+
+
+def _parts(composed: Composed) -> None:
+    """Show what a mixture is made of, and its grading."""
+    st.subheader("Aggregates and grading")
+    columns = {"by solid volume [%]": composed.shares}
+    if composed.mass_shares is not None:
+        columns["by mass [%]"] = composed.mass_shares
+    frame = pd.DataFrame(
+        {name: [f"{100.0 * share:.4g}" for share in shares] for name, shares in columns.items()},
+        index=pd.Index([plain(name) for name in composed.names], name="aggregate"),
+    )
+    st.table(frame)
+    composing.say_unsieved(composed)
+    if composed.gradings:
+        compare(composed.gradings, composed.combined)

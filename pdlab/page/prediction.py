@@ -1,0 +1,86 @@
+"""What a mixture's prediction says: packing density, voids, what paste must fill; theory beside it; its bed."""
+
+import pandas as pd
+import streamlit as st
+
+from pdlab import charts, density, experiments
+from pdlab.errors import InputError
+from pdlab.experiments import Composed, PredictionReport
+from pdlab.page.wording import plain
+from pdlab.quantities import heading
+from pdlab.store import Store
+
+DRAWN = 3000  # spheres of a bed at most: what a browser still turns smoothly
+BESIDE = ("volume_mean", "furnas", "toufar", "cpm")
+
+
+def result(target: Store, composed: Composed) -> None:
+    """Show the mixture's last prediction by each method, one at a time, or what is known without one."""
+    reports = experiments.comparisons(target, names=[composed.name])
+    methods = [report.method for report in reports if report.state != "open"]
+    if not methods:
+        st.info("Not predicted yet.")
+    chosen = (
+        st.radio("Predicted by", methods, horizontal=True, key=f"method_{composed.name}") if len(methods) > 1 else None
+    )
+    report = next(one for one in reports if chosen in (None, one.method))
+    if report.packing_density is not None:
+        _metrics(report, report.packing_density, composed)
+    for note in report.notes if methods else ():
+        st.warning(plain(note))
+    _beside(report)
+    if report.packing_density is not None and report.prediction_id is not None:
+        _bed(target, report.prediction_id)
+
+
+def _metrics(report: PredictionReport, packing: float, composed: Composed) -> None:
+    """Show the packing density with its expected error and what it means for concrete."""
+    error = report.expected_error or 0.0
+    first, second, third, fourth = st.columns(4)
+    first.metric(heading("predicted"), f"{packing:.4f} ± {error:.4f}",
+                 help="± of the simulation, of the measured aggregates, and of the method in this store.")  # fmt: skip
+    second.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(packing):.1f} ± {100.0 * error:.1f}")
+    fourth.metric("Voids for paste [L/m³]", f"{density.void_volume(packing):.0f} ± {1000.0 * error:.0f}",
+                  help="In a cubic metre of the compacted aggregate: the least that paste must fill.")  # fmt: skip
+    if composed.particle_density is None:
+        third.metric(heading("bulk_density_kg_m3").capitalize(), "unknown")
+        names = ", ".join(composed.undense)
+        st.caption(plain(f"No bulk density: the particle density of {names} is missing; enter it, with its basis."))
+    else:
+        bulk, off = (density.bulk_density(value, composed.particle_density) for value in (packing, error))
+        third.metric(heading("bulk_density_kg_m3").capitalize(), f"{bulk:.0f} ± {off:.0f}")
+
+
+def _beside(report: PredictionReport) -> None:
+    """Show the measured packing density and what theory makes of the mixture."""
+    rows = {heading("predicted"): report.packing_density, heading("measured"): report.measured}
+    rows |= {heading(name): getattr(report, name) for name in BESIDE}
+    shown = {name: value for name, value in rows.items() if value is not None}
+    if shown:
+        st.subheader("Beside measurement and theory")
+        frame = pd.DataFrame({heading("packing_density"): [f"{value:.4f}" for value in shown.values()]})
+        if report.measured is not None:
+            frame["minus measured"] = [f"{value - report.measured:+.4f}" for value in shown.values()]
+        frame.index = pd.Index([plain(name) for name in shown])
+        st.table(frame)
+    if report.measured is None:
+        st.caption("The mixture was not measured: import a density test of it to compare.")
+    if report.theory_message:
+        st.caption(plain(report.theory_message))
+
+
+def _bed(target: Store, prediction_id: int) -> None:
+    """Draw the first bed of a prediction in three dimensions when it is asked for."""
+    if not st.toggle("Show the bed in three dimensions", key=f"bed_{prediction_id}"):
+        return
+    try:
+        bed = experiments.prediction_bed(target, prediction_id, DRAWN)
+    except InputError as error:
+        st.error(plain(str(error)))
+        return
+    st.plotly_chart(charts.bed(bed), key="spheres")
+    part = "all" if bed.total == len(bed.place) else f"the {len(bed.place)} in front of"
+    st.caption(
+        f"Run {bed.digest[:12]}, seed {bed.seed}: {part} {bed.total} spheres. The markers have the spheres' "
+        "proportions and do not grow when the view is zoomed; `pdlab bed` writes the whole bed for ParaView."
+    )
