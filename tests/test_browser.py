@@ -36,7 +36,17 @@ def free_port() -> int:
 def served(tmp_path: Path) -> Iterator[str]:
     """``pdlab serve`` on a free port; ended as a user would end it."""
     port = free_port()
-    command = [sys.executable, "-m", "pdlab.cli", "serve", "--store", str(tmp_path / "lab.db"), "--port", str(port)]
+    command = [
+        sys.executable,
+        "-m",
+        "pdlab.cli",
+        "serve",
+        "--no-runner",
+        "--store",
+        str(tmp_path / "lab.db"),
+        "--port",
+        str(port),
+    ]
     server = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     address = f"http://127.0.0.1:{port}"
     try:

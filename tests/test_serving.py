@@ -1,0 +1,62 @@
+"""``pdlab serve``: the page and a runner beside it, started and ended together."""
+
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import psutil
+import pytest
+
+from pdlab import experiments
+from pdlab.experiments import Way, register
+from pdlab.lab import SHIPPED
+from pdlab.models import Prediction
+from pdlab.store import Store, open_store
+from pdlab.tables import read_path
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def states(target: Store) -> set[str]:
+    with target.read() as session:
+        return {row.state for row in session.query(Prediction)}
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+def test_what_is_wished_for_is_answered_while_the_page_is_served_and_both_end(tmp_path: Path) -> None:
+    target = open_store(tmp_path / "lab.db")
+    register(target, read_path(SHIPPED))
+    experiments.ask_predictions(target, experiments.to_predict(target, ()), Way("drop_and_roll"), 0)
+    assert states(target) == {"queued"}
+    port = free_port()
+    command = [sys.executable, "-m", "pdlab.cli", "serve", "--store", str(tmp_path / "lab.db"), "--port", str(port)]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            for _ in range(600):
+                if states(target) == {"done"}:
+                    break
+                assert server.poll() is None, "the server ended"
+                time.sleep(0.1)
+            assert states(target) == {"done"}
+            urllib.request.urlopen(f"http://127.0.0.1:{port}/_stcore/health", timeout=5).close()
+            started = psutil.Process(server.pid).children(recursive=True)
+            page, *_ = (one for one in started if "streamlit" in one.cmdline())
+            assert not [region.path for region in page.memory_maps() if "llvmlite" in region.path]
+        finally:
+            server.terminate()
+        said = server.communicate(timeout=60)[0]
+    assert server.returncode == 0
+    assert "the runner logs to" in said
+    assert not [one for one in started if one.is_running() and one.status() != psutil.STATUS_ZOMBIE]
+    log = (tmp_path / "lab.runner.log").read_text(encoding="utf-8")
+    assert "prediction 1: done" in log
+    assert "Traceback" not in log
+    target.close()
