@@ -4,7 +4,7 @@
 
 For an older revision: check out a commit that has it, copy this file there, and set PYTHONPATH to that folder.
 The rows: the shipped pebbles, calibrated and predicted by a formula instead of simulated beds, one bed, one run that
-failed, one wish that waits.
+failed, one wish that waits, a sweep, a draft.
 """
 
 import datetime as dt
@@ -20,9 +20,19 @@ from pathlib import Path
 
 import numpy as np
 
-from pdlab.experiments import predict, register
+from pdlab.experiments import Way, predict, register
 from pdlab.lab import SHIPPED
-from pdlab.models import Prediction, Run, RunState
+from pdlab.models import (
+    Calibration,
+    Draft,
+    Prediction,
+    Run,
+    RunState,
+    Sweep,
+    SweepCalibration,
+    SweepComponent,
+    SweepRun,
+)
 from pdlab.specimen import Packing, Specimen
 from pdlab.store import Store, mixtures, open_store
 from pdlab.tables import read_path
@@ -79,7 +89,24 @@ def fill(store: Store) -> None:
         failed = {"state": "failed", "error": "the bed still moves", "created_at": MOMENT}
         session.add(Run(specimen_hash="f" * 64, specimen="{}", engine_version=ENGINE, seed=7, spheres=3, **failed))
         mixture = mixtures(session)[0]
-        session.add(Prediction(mixture_id=mixture.id, method="monosized", protocol="loose", requested_at=MOMENT))
+        wish = Prediction(
+            mixture_id=mixture.id, method="monosized", protocol="", asked=Way().text(), requested_at=MOMENT
+        )
+        session.add(wish)
+        session.add(Draft(kind="aggregate", content='{"name": "sand"}', created_at=MOMENT, saved_at=MOMENT))
+        fits = session.query(Calibration).order_by(Calibration.id).limit(2).all()
+        session.add(
+            Sweep(
+                method="monosized", asked=Way().text(), wished_error=0.001, most_specimens=12, engine_version=ENGINE,
+                packing_density=0.64, standard_error=0.001, input_error=0.004, state="done", progress=1.0,
+                requested_at=MOMENT, finished_at=MOMENT, runs=[SweepRun(specimen_hash=first.specimen_hash)],
+                components=[
+                    SweepComponent(position=k, aggregate_id=fit.aggregate_id, densest_share=0.5, next_share=share)
+                    for k, (fit, share) in enumerate(zip(fits, (0.25, 0.75), strict=True))
+                ],
+                calibrations=[SweepCalibration(calibration_id=fit.id) for fit in fits],
+            )
+        )  # fmt: skip
 
 
 def main() -> None:
