@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+from scipy.spatial import ConvexHull
 
 from pdlab.experiments import DrawnBed, DrawnCurve, Explained, PredictionReport
 from pdlab.grading import Grading
@@ -15,8 +16,8 @@ INK, SERIES, GRID, BAND = "#7b8794", "#3488a8", "rgba(128, 128, 128, 0.25)", "rg
 LINES = ("#3488a8", "#d1495b", "#b08a20", "#4c9a5f", "#9568c4", "#d9822b", "#6285e0", "#a86a5a")
 DASHES = ("dash", "dot", "dashdot")
 LIMITS = "rgba(209, 140, 29, 0.20)"
-BED_PIXELS = 420
-"""Pixels that the longest side of a bed takes before it is zoomed."""
+CORNERS = 42
+"""Corners of a ball that is drawn."""
 LEAST_RATIO = 1.12
 """Ratio of two sieves whose labels do not overlap."""
 Curve = tuple[Sequence[float], Sequence[float]]
@@ -163,24 +164,49 @@ def _add_measured(figure: go.Figure, known: Explained) -> None:
 
 
 def bed(drawn: DrawnBed) -> go.Figure:
-    """Return a bed's spheres in three dimensions, coloured by aggregate, lengths in mm with one scale for all axes.
-
-    The markers' diameters are in the proportions of the spheres; they do not grow when the view is zoomed.
-    """
-    figure = go.Figure()
-    extent = float(np.ptp(drawn.place[:, :3], axis=0).max() + 2.0 * drawn.place[:, 3].max())
+    """Return a bed's spheres in three dimensions, coloured by aggregate, lengths in mm with one scale for all axes."""
+    figure, (points, faces) = go.Figure(), _ball()
+    centre, radius = drawn.place[:, :3], drawn.place[:, 3:]
     for k, name in enumerate(drawn.names):
-        x, y, z, radius = drawn.place[drawn.part == k].T
-        figure.add_scatter3d(
-            x=x, y=y, z=z, mode="markers", name=_plain(name), customdata=2.0 * radius,
-            marker={"size": BED_PIXELS * 2.0 * radius / extent, "sizemode": "diameter", "opacity": 1.0,
-                    "color": LINES[k % len(LINES)], "line": {"width": 0}},
-            hovertemplate="Ø %{customdata:.3g} mm<extra>" + _plain(name) + "</extra>",
+        own = drawn.part == k
+        corners = centre[own, None] + radius[own, None] * points
+        meshed = faces + len(points) * np.arange(own.sum())[:, None, None]
+        x, y, z = corners.reshape(-1, 3).T.astype(np.float32)
+        i, j, of = meshed.reshape(-1, 3).T.astype(np.int32)
+        figure.add_mesh3d(
+            x=x, y=y, z=z, i=i, j=j, k=of, name=_plain(name), color=LINES[k % len(LINES)], showlegend=True,
+            hoverinfo="name", lighting={"ambient": 0.45, "diffuse": 0.7, "specular": 0.1},
+            lightposition={"x": -1000, "y": -3000, "z": 3000},
         )  # fmt: skip
-    axes = {f"{axis}axis": {"title": f"{axis} [mm]", "gridcolor": GRID} for axis in "xyz"}
-    view = {"eye": {"x": 0.4, "y": -2.0, "z": 0.6}, "projection": {"type": "orthographic"}}
-    figure.update_layout(scene={"aspectmode": "data", "camera": view, **axes})
-    return _styled(figure, 640).update_layout(showlegend=True, legend={"orientation": "h", "itemsizing": "constant"})
+    low, high = (centre - radius).min(axis=0), (centre + radius).max(axis=0)
+    axes = {
+        f"{axis}axis": {"title": f"{axis} [mm]", "gridcolor": GRID, "range": [float(low[n]), float(high[n])]}
+        for n, axis in enumerate("xyz")
+    }
+    longest = float((high - low).max())
+    ratio = {axis: float(high[n] - low[n]) / longest for n, axis in enumerate("xyz")}
+    figure.update_layout(
+        scene={
+            "aspectmode": "manual",
+            "aspectratio": ratio,
+            "camera": {"eye": {"x": 0.45, "y": -1.35, "z": 0.35}},
+            **axes,
+        }
+    )
+    return _styled(figure, 680).update_layout(showlegend=True, legend={"orientation": "h"})
+
+
+def _ball() -> tuple[np.ndarray, np.ndarray]:
+    """Return corners of a unit ball, shape (42, 3), evenly by the golden angle, and its triangles, all seen outside."""
+    number = np.arange(CORNERS)
+    height, angle = 1.0 - (2.0 * number + 1.0) / CORNERS, number * np.pi * (3.0 - np.sqrt(5.0))
+    across = np.sqrt(1.0 - height**2)
+    points = np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
+    faces = ConvexHull(points).simplices
+    a, b, c = (points[faces[:, n]] for n in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return points, faces
 
 
 def _apart_by(values: Sequence[float]) -> list[float]:

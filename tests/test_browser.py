@@ -1,4 +1,4 @@
-"""A real headless Chromium: a grid that is typed and pasted into, a file, a draft that survives a reload."""
+"""A real headless Chromium: a grid that is typed and pasted into, a file; a draft and a prediction that survive."""
 
 import os
 import re
@@ -13,9 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import FormulaPool
 
+from pdlab import experiments
 from pdlab import store as store_module
+from pdlab.batch.runner import Runner
+from pdlab.batch.working import answer
+from pdlab.lab import SHIPPED
 from pdlab.store import open_store
+from pdlab.tables import read_path
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -148,3 +154,28 @@ def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:
     expect(shown.get_by_text("12.5", exact=True).first).to_be_visible(timeout=20_000)
     type_cell(page, 1, 1, "13,5")  # a second edit of the same cell
     expect(shown.get_by_text("13.5", exact=True).first).to_be_visible(timeout=20_000)
+
+
+def test_a_prediction_survives_a_closed_tab_and_comes_without_disturbing_what_is_typed(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    from playwright.sync_api import expect
+
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    page.goto(f"{served}/mixtures?mixture=2")
+    page.get_by_role("button", name="Predict", exact=True).click()
+    expect(page.get_by_role("button", name="Cancel")).to_be_visible()
+    address, again = page.url, page.context.new_page()
+    page.close()
+    again.goto(address)
+    expect(again.get_by_text("queued: it begins when a runner takes it up")).to_be_visible(timeout=20_000)
+    again.get_by_role("textbox", name="Largest size D").press_sequentially("31,")
+    waiting = experiments.waiting_prediction(opened, 2)
+    assert waiting is not None
+    runner = Runner(opened, FormulaPool())
+    list(answer(runner, [waiting.key]))
+    runner.close()
+    opened.close()
+    expect(again.get_by_text("Voids for paste [L/m³]")).to_be_visible(timeout=20_000)
+    expect(again.get_by_role("textbox", name="Largest size D")).to_have_value("31,")

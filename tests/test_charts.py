@@ -1,6 +1,7 @@
 """Figures hold what they were given."""
 
 import numpy as np
+import pytest
 
 from pdlab import charts
 from pdlab.experiments import DrawnBed, PredictionReport
@@ -57,7 +58,21 @@ def test_a_bed_has_a_colour_for_each_aggregate_and_one_scale_for_all_axes() -> N
     figure = charts.bed(DrawnBed(place, np.array([0, 1, 1]), ("<i>C", "F"), 3, "ab", 1))
     coarse, fine = figure.data
     assert (coarse.name, fine.name) == ("&lt;i>C", "F")
-    assert coarse.marker.color != fine.marker.color
-    assert (list(fine.x), list(fine.y), list(fine.z)) == ([15.0, 5.0], [5.0, 15.0], [2.0, 2.0])
-    assert coarse.marker.size[0] / fine.marker.size[0] == 2.5
-    assert figure.layout.scene.aspectmode == "data"
+    assert coarse.color != fine.color
+    corners = np.stack([fine.x, fine.y, fine.z], axis=1).reshape(2, -1, 3)
+    assert np.allclose(np.linalg.norm(corners - place[1:, None, :3], axis=2), 2.0, atol=1e-5)
+    scene = figure.layout.scene
+    sides = {axis: np.ptp(scene[f"{axis}axis"].range) for axis in "xyz"}
+    assert sides == {"x": 17.0, "y": 17.0, "z": 10.0}
+    assert scene.aspectratio.z / scene.aspectratio.x == pytest.approx(sides["z"] / sides["x"])
+
+
+def test_every_triangle_of_a_ball_is_seen_from_outside_and_they_close_it() -> None:
+    place = np.array([[0.0, 0.0, 0.0, 1.0], [5.0, 0.0, 0.0, 1.0]])
+    (mesh,) = charts.bed(DrawnBed(place, np.array([0, 0]), ("C",), 2, "ab", 1)).data
+    corners = np.stack([mesh.x, mesh.y, mesh.z], axis=1).astype(float)
+    a, b, c = (corners[index] for index in (mesh.i, mesh.j, mesh.k))
+    centre = np.where(a[:, :1] > 2.0, place[1, :3], place[0, :3])
+    volumes = np.einsum("ij,ij->i", np.cross(b - a, c - a), a - centre) / 6.0
+    assert (volumes > 0.0).all()
+    assert 0.85 < volumes.sum() / (2.0 * 4.0 / 3.0 * np.pi) < 1.0

@@ -30,13 +30,13 @@ def show(target: Store) -> None:
     except UnknownName as error:
         st.error(plain(str(error)))
         return
-    waiting = experiments.waiting_prediction(target, chosen)
-    if waiting is None:
-        _ask(target, chosen)
-    else:
-        watching.watch(target, waiting, partial(experiments.waiting_prediction, target, chosen))
-    result(target, composed)
-    _parts(composed)
+    wish, answer, below = st.container(), st.container(), st.container()  # what is typed below survives the answer
+    with wish:
+        _wish(target, chosen)
+    with answer:
+        result(target, composed)
+    with below:
+        _parts(composed)
 
 
 def _choose(target: Store) -> int:
@@ -55,6 +55,15 @@ def _choose(target: Store) -> int:
     elif "mixture" in st.query_params:
         del st.query_params["mixture"]
     return chosen
+
+
+def _wish(target: Store, chosen: int) -> None:
+    """Offer to wish for a prediction, or show how far the one is that waits."""
+    waiting = experiments.waiting_prediction(target, chosen)
+    if waiting is None:
+        _ask(target, chosen)
+    else:
+        watching.watch(target, waiting, partial(experiments.waiting_prediction, target, chosen))
 
 
 def _ask(target: Store, chosen: int) -> None:

@@ -2,6 +2,7 @@
 
 import pandas as pd
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
 from pdlab import charts, density, experiments
 from pdlab.errors import InputError
@@ -37,18 +38,25 @@ def _metrics(report: PredictionReport, packing: float, composed: Composed) -> No
     """Show the packing density with its expected error and what it means for concrete."""
     error = report.expected_error or 0.0
     first, second, third, fourth = st.columns(4)
-    first.metric(heading("predicted"), f"{packing:.4f} ± {error:.4f}",
-                 help="± of the simulation, of the measured aggregates, and of the method in this store.")  # fmt: skip
-    second.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(packing):.1f} ± {100.0 * error:.1f}")
-    fourth.metric("Voids for paste [L/m³]", f"{density.void_volume(packing):.0f} ± {1000.0 * error:.0f}",
-                  help="In a cubic metre of the compacted aggregate: the least that paste must fill.")  # fmt: skip
+    _metric(first, "Predicted PD", f"{packing:.4f}", f"{error:.4f}",
+            "± of the simulation, of the measured aggregates, and of the method in this store.")  # fmt: skip
+    _metric(
+        second, heading("voids_percent").capitalize(), f"{density.voids_percent(packing):.1f}", f"{100 * error:.1f}"
+    )
+    bulk = heading("bulk_density_kg_m3").capitalize()
     if composed.particle_density is None:
-        third.metric(heading("bulk_density_kg_m3").capitalize(), "unknown")
+        third.metric(bulk, "unknown")
         names = ", ".join(composed.undense)
         st.caption(plain(f"No bulk density: the particle density of {names} is missing; enter it, with its basis."))
     else:
-        bulk, off = (density.bulk_density(value, composed.particle_density) for value in (packing, error))
-        third.metric(heading("bulk_density_kg_m3").capitalize(), f"{bulk:.0f} ± {off:.0f}")
+        value, off = (density.bulk_density(one, composed.particle_density) for one in (packing, error))
+        _metric(third, bulk, f"{value:.0f}", f"{off:.0f}")
+    _metric(fourth, "Voids for paste [L/m³]", f"{density.void_volume(packing):.0f}", f"{1000.0 * error:.0f}",
+            "In a cubic metre of the compacted aggregate: the least that paste must fill.")  # fmt: skip
+
+
+def _metric(column: DeltaGenerator, name: str, value: str, error: str, help_: str | None = None) -> None:
+    column.metric(name, value, f"± {error}", delta_color="off", delta_arrow="off", help=help_)
 
 
 def _beside(report: PredictionReport) -> None:
@@ -60,7 +68,10 @@ def _beside(report: PredictionReport) -> None:
         st.subheader("Beside measurement and theory")
         frame = pd.DataFrame({heading("packing_density"): [f"{value:.4f}" for value in shown.values()]})
         if report.measured is not None:
-            frame["minus measured"] = [f"{value - report.measured:+.4f}" for value in shown.values()]
+            frame["minus measured"] = [
+                "" if name == heading("measured") else f"{value - report.measured:+.4f}"
+                for name, value in shown.items()
+            ]
         frame.index = pd.Index([plain(name) for name in shown])
         st.table(frame)
     if report.measured is None:
@@ -81,6 +92,6 @@ def _bed(target: Store, prediction_id: int) -> None:
     st.plotly_chart(charts.bed(bed), key="spheres")
     part = "all" if bed.total == len(bed.place) else f"the {len(bed.place)} in front of"
     st.caption(
-        f"Run {bed.digest[:12]}, seed {bed.seed}: {part} {bed.total} spheres. The markers have the spheres' "
-        "proportions and do not grow when the view is zoomed; `pdlab bed` writes the whole bed for ParaView."
+        f"Run {bed.digest[:12]}, seed {bed.seed}: {part} {bed.total} spheres. "
+        "`pdlab bed` writes the whole bed for ParaView."
     )
