@@ -222,12 +222,11 @@ def test_db_upgrade_keeps_a_backup_and_db_backup_and_copy_say_what_they_wrote(
 
 
 def test_lab_takes_a_path_one_name_and_refuses_an_empty_frame(small_lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from conftest import FormulaRunner
 
     from pdlab.errors import InputError, TableError
 
     with Lab(small_lab / "pdlab.db") as lab:
-        monkeypatch.setattr(lab, "runner", FormulaRunner(lab.store))
+        monkeypatch.setattr(lab, "runner", Runner(lab.store, FormulaPool()))
         assert list(lab.predict("pebbles L+F 1:1")["mixture"]) == ["pebbles L+F 1:1"]
         with pytest.raises(TableError, match="the table is empty"):
             lab.predict(pd.DataFrame(columns=["mixture", "aggregate", "solid_volume_share"]))
