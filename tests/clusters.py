@@ -47,7 +47,12 @@ class Cluster:
         """Start what is not there."""
         if self.scheduler is None or self.scheduler.poll() is not None:
             self.kill_workers(for_good=True)  # they end by themselves soon: they do not look for another scheduler
+            if self.scheduler is not None:
+                end(self.scheduler)
             self.start_scheduler()
+        for worker in self.workers:
+            if worker.poll() is not None:
+                end(worker)
         self.workers = [worker for worker in self.workers if worker.poll() is None]
         while len(self.workers) < self.count:
             self.start_worker(*self.options)
@@ -55,7 +60,7 @@ class Cluster:
 
     def start_scheduler(self) -> None:
         self.scheduler = self._start(
-            "scheduler", "--port", str(self.port), "--idle-timeout", "10 minutes", *self.scheduler_options
+            "scheduler", "--port", str(self.port), "--idle-timeout", "3 hours", *self.scheduler_options
         )
         for _ in range(300):
             with socket.socket() as tried:

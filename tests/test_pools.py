@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, wait
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import dask
@@ -63,6 +64,12 @@ Place = Processes | OnCluster
 @pytest.fixture(params=["processes", "cluster"])
 def place(request: pytest.FixtureRequest) -> Place:
     return Processes() if request.param == "processes" else OnCluster(request.getfixturevalue("cluster"))
+
+
+@pytest.fixture(autouse=True)
+def _own_main(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Undo what a test of the page may have left: its script as the main module, which spawned processes import."""
+    monkeypatch.setitem(sys.modules, "__main__", ModuleType("__main__"))
 
 
 @pytest.fixture
