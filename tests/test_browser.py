@@ -104,11 +104,14 @@ def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(
     from playwright.sync_api import expect
 
     page.get_by_label("Name of the aggregate").fill("Kies 4/16")
+    page.get_by_label("Name of the aggregate").press("Enter")
+    page.wait_for_url(re.compile("draft="))  # what is drawn above the grid stands
+    page.wait_for_timeout(500)
     page.evaluate("navigator.clipboard.writeText('31,5\\t0\\n16\\t12o,5\\n8\\t800\\n4\\t79,5')")
     cell(page, 0, 0)
     page.keyboard.press("Control+V")
     expect(page.get_by_text("'12o,5' is no number")).to_be_visible(timeout=20_000)
-    page.wait_for_url(re.compile("draft="))
+    page.wait_for_timeout(500)
     page.reload()
     expect(page.get_by_text("'12o,5' is no number")).to_be_visible(timeout=20_000)
     expect(page.get_by_label("Name of the aggregate")).to_have_value("Kies 4/16")
