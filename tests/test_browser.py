@@ -87,16 +87,22 @@ def page(served: str) -> Iterator[Any]:
 
 
 def cell(page: Any, row: int, column: int) -> None:
-    """Click at a cell of the grid: two columns beside the mark of the row, rows of 35 pixels."""
+    """Click at a cell of the grid, once it stands: two columns beside the mark of the row, rows of 35 pixels."""
+    page.wait_for_timeout(700)
     box = page.get_by_test_id("stDataFrame").first.bounding_box()
     left = 40 + (box["width"] - 40) * (0.25 + 0.5 * column)
     page.mouse.click(box["x"] + left, box["y"] + 35 * (row + 1.5))
 
 
 def type_cell(page: Any, row: int, column: int, text: str) -> None:
-    cell(page, row, column)
-    page.keyboard.press("Enter")
-    page.get_by_test_id("portal").locator("input,textarea").fill(text)
+    editor = page.get_by_test_id("portal").locator("input,textarea")
+    for _ in range(4):  # a grid that is drawn anew meanwhile closes its editor
+        cell(page, row, column)
+        page.keyboard.press("Enter")
+        page.wait_for_timeout(300)
+        if editor.count():
+            break
+    editor.fill(text)
     page.keyboard.press("Enter")
 
 
