@@ -30,7 +30,11 @@ def loaded(module: str) -> bool:
 
 def children(pid: int) -> list[psutil.Process]:
     """The processes that ``multiprocessing`` spawned from one."""
-    return [child for child in psutil.Process(pid).children() if "spawn_main" in " ".join(child.cmdline())]
+    out = list[psutil.Process]()
+    for child in psutil.Process(pid).children(recursive=True):
+        with suppress(psutil.NoSuchProcess):  # it has just ended
+            out += [child] if "spawn_main" in " ".join(child.cmdline()) else []
+    return out
 
 
 class Cluster:
