@@ -13,6 +13,7 @@ from pdlab.cli.shell import (
     MethodOrReference,
     Rule,
     Scheduler,
+    Seeds,
     Store,
     Threads,
     Workers,
@@ -42,9 +43,7 @@ def batch(
     ] = False,
     method: MethodOrReference = "monosized",
     rule: Rule = "log_mean",
-    seeds: Annotated[
-        int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
-    ] = 4,
+    seeds: Seeds = 4,
     leave_out: LeaveOut = None,
     store: Store = None,
     workers: Workers = None,

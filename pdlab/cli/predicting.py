@@ -14,6 +14,7 @@ from pdlab.cli.shell import (
     MethodOrReference,
     Rule,
     Scheduler,
+    Seeds,
     Store,
     Threads,
     Workers,
@@ -200,9 +201,7 @@ def predict(
     mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
     method: MethodOrReference = "monosized",
     rule: Rule = "log_mean",
-    seeds: Annotated[
-        int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
-    ] = 4,
+    seeds: Seeds = 4,
     leave_out: LeaveOut = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Also write the table as CSV.")] = None,
     store: Store = None,
@@ -230,9 +229,7 @@ def sheet(
     mixtures: Annotated[list[str] | None, typer.Argument(help="All by default.")] = None,
     method: MethodOrReference = "monosized",
     rule: Rule = "log_mean",
-    seeds: Annotated[
-        int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")
-    ] = 4,
+    seeds: Seeds = 4,
     leave_out: LeaveOut = None,
     store: Store = None,
     workers: Workers = None,

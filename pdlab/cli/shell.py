@@ -41,6 +41,7 @@ MethodOrReference = Annotated[
     ),
 ]
 LeaveOut = Annotated[float | None, typer.Option("--leave-out", help="Leave out graded spheres finer than this [mm].")]
+Seeds = Annotated[int, typer.Option(min=2, help="Beds at each node of the curve, and of each mixture at first.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes that simulate; all cores by default.")]
 Scheduler = Annotated[
     str | None,
