@@ -213,6 +213,18 @@ def test_a_plan_says_what_will_be_run_and_writes_nothing(
     assert (int(again.pending.sum()), again.read, again.estimate.runs) == (0, 4, 0)
 
 
+def test_a_plan_counts_equal_beds_once_wherever_they_stand_in_the_table(filled: Store, tmp_path: Path) -> None:
+    rows = [(f"copy {k} of {name}", *rest) for k in range(3) for name, *rest in blends(2)]
+    table = slices(write_table(tmp_path / "in.csv", rows), size=1)  # type: ignore[arg-type]
+    runner = Runner(filled, Counting())
+    *_, plan = survey(runner, table, Way(), rehearse=True)
+    once = slices(write_table(tmp_path / "once.csv", blends(2)), size=1)
+    *_, least = survey(runner, once, Way(), rehearse=True)
+    assert isinstance(plan, Survey)
+    assert isinstance(least, Survey)
+    assert plan.estimate.runs == least.estimate.runs
+
+
 def test_a_plan_counts_the_curves_of_aggregates_that_are_not_calibrated(
     lab_of: Callable[[FormulaPool], Lab], tmp_path: Path
 ) -> None:

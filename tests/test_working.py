@@ -258,6 +258,8 @@ def test_a_bed_is_kept_while_it_is_under_way_and_goes_on_from_there_to_the_same_
     (run,) = rows(opened, Run)
     (bed,) = rows(opened, RunState)
     assert (run.state, run.claimed_by) == ("queued", None)
+    with opened.write() as session:
+        session.execute(sa.update(Run).values(seconds=1000.0))
     assert bed.steps == run_steps(seen, bed.steps)
     first = list[int]()
     (result,) = Runner(opened, ThreadsPool(), lambda told: first.extend(bed.steps for bed in told.beds))([SMALL])
@@ -267,6 +269,7 @@ def test_a_bed_is_kept_while_it_is_under_way_and_goes_on_from_there_to_the_same_
     assert result.steps == whole.steps
     (run,) = rows(opened, Run)
     assert (run.state, run.packing_density, run.steps) == ("done", whole.packing_density, whole.steps)
+    assert run.seconds == result.seconds > 1000.0, "what was spent before counts"
     (bed,) = rows(opened, RunState)
     assert chunks.read_checkpoint(bed.archive) is None, "at rest only the places are kept"
 
@@ -375,6 +378,35 @@ def test_equal_beds_of_many_plans_run_once_and_plans_are_begun_as_they_are_neede
     assert sorted(ended) == list(range(300))
     assert len(runner.pool.run) == len(set(runner.pool.run)) == 307
     assert most_ahead <= 30
+
+
+class Later(Counting):
+    """Notes beds and ends each a moment later, so that several plans can ask for it before."""
+
+    workers = 2
+
+    def submit(self, specimen: Specimen, state: Any, steps: int, threads: int) -> Future[chunks.Advanced]:
+        done, future = super().submit(specimen, state, steps, threads), Future[chunks.Advanced]()
+        threading.Timer(0.2, lambda: future.set_result(done.result())).start()
+        return future
+
+
+def test_a_bed_that_is_under_way_is_not_handed_out_again(opened: Store) -> None:
+    def asking() -> Plan[Any]:
+        return (yield [SMALL])[0]
+
+    runner = Runner(opened, Later())
+    (_, first), (_, second) = runner.drive([Work(k, asking) for k in range(2)])
+    assert first == second
+    assert len(runner.pool.run) == 1
+
+
+def test_more_seeds_than_are_kept_are_run(filled: Store) -> None:
+    runner = Runner(filled, FormulaPool())
+    few = predict(runner, (), Way("drop_and_roll", seeds=2))
+    more = predict(runner, (), Way("drop_and_roll", seeds=5))
+    assert {report.seeds for report in few} == {2}
+    assert {report.seeds for report in more} == {5}
 
 
 def test_a_plan_that_fails_stops_no_other(opened: Store) -> None:
