@@ -401,6 +401,20 @@ def test_a_bed_that_is_under_way_is_not_handed_out_again(opened: Store) -> None:
     assert len(runner.pool.run) == 1
 
 
+def test_no_more_beds_are_handed_out_than_the_workers_and_one_more(opened: Store) -> None:
+    pool, most, ended = Later(), list[int](), list[int]()
+
+    def submit(specimen: Specimen, state: Any, steps: int, threads: int) -> Future[chunks.Advanced]:
+        future = Later.submit(pool, specimen, state, steps, threads)
+        future.add_done_callback(lambda _: ended.append(1))
+        most.append(len(pool.run) - len(ended))
+        return future
+
+    pool.submit = submit  # type: ignore[method-assign]
+    Runner(opened, pool)(with_seeds(SMALL, range(1, 13)))
+    assert max(most) == 3, "what a cancelled or dead runner leaves behind is bounded"
+
+
 def test_more_seeds_than_are_kept_are_run(filled: Store) -> None:
     runner = Runner(filled, FormulaPool())
     few = predict(runner, (), Way("drop_and_roll", seeds=2))
