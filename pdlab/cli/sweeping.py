@@ -11,6 +11,7 @@ from pdlab.cli.shell import (
     LeaveOut,
     Method,
     Rule,
+    Scheduler,
     Store,
     Threads,
     Workers,
@@ -40,13 +41,14 @@ def sweep(
     store: Store = None,
     workers: Workers = None,
     threads: Threads = 1,
+    scheduler: Scheduler = None,
 ) -> None:
     """Find the densest mix of aggregates by as few beds as it takes, and the mix to test next."""
     from pdlab.frames import sweep_frame
 
     if output is not None:
         check_writable(output)
-    with open_lab(store, workers, threads) as lab:
+    with open_lab(store, workers, threads, scheduler) as lab:
         report = lab.sweep(aggregates, method, rule, standard_error, most, leave_out=leave_out)
         if report.result is not None:
             _show(report, report.result)
