@@ -356,6 +356,16 @@ def test_a_runner_knows_which_others_of_its_machine_have_ended() -> None:
     assert not is_gone(f"other{host} {rest}"), "of another machine nothing is known"
 
 
+def test_a_runner_that_was_closed_holds_nothing_and_has_another_name(opened: Store) -> None:
+    runner = Runner(opened, FormulaPool())
+    before = runner.who
+    assert not is_gone(before)
+    runner.close()
+    assert is_gone(before)
+    assert runner.who != before
+    assert not is_gone(runner.who)
+
+
 def test_equal_beds_of_many_plans_run_once_and_plans_are_begun_as_they_are_needed(opened: Store) -> None:
     begun = list[int]()
 

@@ -6,6 +6,8 @@ import uuid
 from pathlib import Path
 
 PROC = Path("/proc")
+_left = set[str]()
+"""Names that runners of this process have given up."""
 
 
 def own_name() -> str:
@@ -13,8 +15,18 @@ def own_name() -> str:
     return f"{_here()} {os.getpid()} {_started(os.getpid())} {uuid.uuid4().hex[:8]}"
 
 
+def leave(name: str) -> None:
+    """Give a name up: whatever is still claimed under it is nobody's."""
+    _left.add(name)
+
+
 def is_gone(name: str) -> bool:
-    """Return whether the named runner's process ran on this machine and has ended; False where that is not told."""
+    """Return whether a name was given up here, or its process ran on this machine and has ended.
+
+    False where that is not told.
+    """
+    if name in _left:
+        return True
     here, _, rest = name.partition(" ")
     if here != _here() or not _boot():
         return False

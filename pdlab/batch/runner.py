@@ -14,7 +14,7 @@ import tenacity
 from pdlab import packing, store
 from pdlab.batch.driving import Drive, Work
 from pdlab.batch.jobs import Job
-from pdlab.batch.names import is_gone, own_name
+from pdlab.batch.names import is_gone, leave, own_name
 from pdlab.batch.pools import Pool, ProcessPool
 from pdlab.batch.progress import Progress
 from pdlab.errors import PdlabError, StoreAway
@@ -86,8 +86,13 @@ class Runner:
             drive.let_go()
 
     def close(self, wait: bool = True) -> None:
-        """End the workers, after the chunks that they work on if ``wait``; the next call starts new ones."""
+        """End the workers, after the chunks that they work on if ``wait``, and whatever is still claimed.
+
+        The next call starts new ones, under a new name.
+        """
         self.pool.close(wait)
+        leave(self.who)
+        self.who = own_name()
 
     def patiently(self, call: Callable[[], T]) -> T:
         """Return what a call gives, again and again while the store is away. Raises StoreAway in the end."""
