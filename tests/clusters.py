@@ -31,7 +31,7 @@ def loaded(module: str) -> bool:
 def children(pid: int) -> list[psutil.Process]:
     """The processes that ``multiprocessing`` spawned from one."""
     out = list[psutil.Process]()
-    for child in psutil.Process(pid).children(recursive=True):
+    for child in psutil.Process(pid).children():
         with suppress(psutil.NoSuchProcess):  # it has just ended
             out += [child] if "spawn_main" in " ".join(child.cmdline()) else []
     return out
