@@ -1,0 +1,8 @@
+"""Figures from plain data."""
+
+from pdlab.charts.beds import bed
+from pdlab.charts.calibrations import calibration_curve
+from pdlab.charts.gradings import grading_curve
+from pdlab.charts.parity import parity
+
+__all__ = ["bed", "calibration_curve", "grading_curve", "parity"]

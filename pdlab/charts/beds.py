@@ -1,0 +1,57 @@
+"""Beds in three dimensions."""
+
+import numpy as np
+import plotly.graph_objects as go
+from scipy.spatial import ConvexHull
+
+from pdlab.charts.style import GRID, LINES, shown, styled
+from pdlab.experiments import DrawnBed
+
+CORNERS = 42
+"""Corners of a ball that is drawn."""
+
+
+def bed(drawn: DrawnBed) -> go.Figure:
+    """Return a bed's spheres in three dimensions, coloured by aggregate, lengths in mm with one scale for all axes."""
+    figure, (points, faces) = go.Figure(), _ball()
+    centre, radius = drawn.place[:, :3], drawn.place[:, 3:]
+    for k, name in enumerate(drawn.names):
+        own = drawn.part == k
+        corners = centre[own, None] + radius[own, None] * points
+        meshed = faces + len(points) * np.arange(own.sum())[:, None, None]
+        x, y, z = corners.reshape(-1, 3).T.astype(np.float32)
+        i, j, of = meshed.reshape(-1, 3).T.astype(np.int32)
+        figure.add_mesh3d(
+            x=x, y=y, z=z, i=i, j=j, k=of, name=shown(name), color=LINES[k % len(LINES)], showlegend=True,
+            hoverinfo="name", lighting={"ambient": 0.45, "diffuse": 0.7, "specular": 0.1},
+            lightposition={"x": -1000, "y": -3000, "z": 3000},
+        )  # fmt: skip
+    low, high = (centre - radius).min(axis=0), (centre + radius).max(axis=0)
+    axes = {
+        f"{axis}axis": {"title": f"{axis} [mm]", "gridcolor": GRID, "range": [float(low[n]), float(high[n])]}
+        for n, axis in enumerate("xyz")
+    }
+    longest = float((high - low).max())
+    ratio = {axis: float(high[n] - low[n]) / longest for n, axis in enumerate("xyz")}
+    figure.update_layout(
+        scene={
+            "aspectmode": "manual",
+            "aspectratio": ratio,
+            "camera": {"eye": {"x": 0.45, "y": -1.35, "z": 0.35}},
+            **axes,
+        }
+    )
+    return styled(figure, 680).update_layout(showlegend=True, legend={"orientation": "h"})
+
+
+def _ball() -> tuple[np.ndarray, np.ndarray]:
+    """Return corners of a unit ball, shape (42, 3), evenly by the golden angle, and its triangles, all seen outside."""
+    number = np.arange(CORNERS)
+    height, angle = 1.0 - (2.0 * number + 1.0) / CORNERS, number * np.pi * (3.0 - np.sqrt(5.0))
+    across = np.sqrt(1.0 - height**2)
+    points = np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
+    faces = ConvexHull(points).simplices
+    a, b, c = (points[faces[:, n]] for n in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return points, faces

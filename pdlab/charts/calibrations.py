@@ -1,0 +1,54 @@
+"""The curve that a calibration rests on."""
+
+import math
+
+import numpy as np
+import plotly.graph_objects as go
+
+from pdlab.charts.style import BAND, GRID, INK, LIMITS, LINES, SERIES, apart, styled
+from pdlab.experiments import DrawnCurve, Explained
+from pdlab.quantities import label
+
+GAP = 0.07
+"""Least distance of two nodes' labels in roots of the coefficient."""
+
+
+def calibration_curve(known: Explained, curve: DrawnCurve) -> go.Figure:
+    """Return what is sought over the coefficient, spaced by its root: curve ± error, runs, nodes, what is measured.
+
+    The measured value ± its error lies across, the coefficient's interval upright.
+    """
+    figure = go.Figure()
+    x = [float(root) for root in np.sqrt(curve.values)]
+    high = [mean + error for mean, error in zip(curve.means, curve.errors, strict=True)]
+    low = [mean - error for mean, error in zip(curve.means, curve.errors, strict=True)]
+    figure.add_scatter(x=[*x, *x[::-1]], y=[*high, *low[::-1]], mode="lines", fill="toself", fillcolor=BAND,
+                       line={"width": 0}, hoverinfo="skip", name="± curve", showlegend=False)  # fmt: skip
+    figure.add_scatter(x=x, y=list(curve.means), mode="lines", line={"color": SERIES}, name="curve", hoverinfo="skip")
+    figure.add_scatter(
+        x=[float(np.sqrt(node.value)) for node in curve.nodes], y=[node.mean for node in curve.nodes], mode="markers",
+        error_y={"type": "data", "array": [node.deviation for node in curve.nodes]}, name="mean ± deviation",
+        marker={"size": 8, "color": SERIES}, customdata=[[node.value, len(node.runs)] for node in curve.nodes],
+        hovertemplate="%{customdata[0]:g}: %{y:.4f}, %{customdata[1]} runs<extra></extra>",
+    )  # fmt: skip
+    runs = [(float(np.sqrt(node.value)), run) for node in curve.nodes for run in node.runs]
+    figure.add_scatter(x=[at for at, _ in runs], y=[run for _, run in runs], mode="markers", name="runs",
+                       marker={"size": 5, "color": LINES[5], "opacity": 0.7})  # fmt: skip
+    _add_measured(figure, known)
+    nodes = apart([node.value for node in curve.nodes], GAP, math.sqrt)
+    figure.update_xaxes(tickvals=list(np.sqrt(nodes)), ticktext=[f"{value:g}" for value in nodes],
+                        title=label(curve.coefficient), gridcolor=GRID)  # fmt: skip
+    figure.update_yaxes(title=label(curve.sought), gridcolor=GRID)
+    return styled(figure, 460).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.22})
+
+
+def _add_measured(figure: go.Figure, known: Explained) -> None:
+    """Draw what was measured, and where the curve meets it."""
+    if known.measured is not None and known.measured_error is not None:
+        figure.add_hrect(known.measured - known.measured_error, known.measured + known.measured_error,
+                         fillcolor=LIMITS, line_width=0)  # fmt: skip
+        figure.add_hline(known.measured, line={"color": LINES[5], "dash": "dash"}, annotation_text="measured")
+    if known.value is not None:
+        ends = [known.value if end is None else end for end in (known.low, known.high)]
+        figure.add_vrect(*(float(np.sqrt(end)) for end in ends), fillcolor=BAND, line_width=0)
+        figure.add_vline(float(np.sqrt(known.value)), line={"color": INK, "dash": "dot"})
