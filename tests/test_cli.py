@@ -1,15 +1,13 @@
 """The verbs in the shell: what they print, where, and their exit codes."""
 
-import os
 import socket
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from conftest import FormulaPool, ThreadsPool
+from shell import pdlab, process, refused
 
 from pdlab import Lab
 from pdlab.batch.runner import Runner
@@ -18,22 +16,8 @@ from pdlab.lab import SHIPPED
 Folder = Callable[..., Path]
 
 
-def pdlab(*arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "pdlab.cli", *arguments], check=False, cwd=folder, capture_output=True, text=True,
-        encoding="utf-8", env={**os.environ, "PYTHONIOENCODING": "utf-8", "COLUMNS": "140", **environment},
-    )  # fmt: skip
-
-
-def refused(done: subprocess.CompletedProcess[str], *sentences: str) -> None:
-    assert done.returncode == 2, done
-    assert "Traceback" not in done.stderr
-    for sentence in sentences:
-        assert sentence in done.stderr
-
-
 def test_version_and_help(tmp_path: Path) -> None:
-    assert pdlab("--version", folder=tmp_path).stdout.startswith("pdlab 0.")
+    assert process("--version", folder=tmp_path).stdout.startswith("pdlab 0.")
     text = pdlab("--help", folder=tmp_path).stdout
     for verb in ("demo", "import", "export", "calibrate", "predict", "compare", "ls", "serve", "db"):
         assert verb in text
@@ -91,7 +75,7 @@ def test_bad_tables_are_refused_with_every_problem_and_nothing_is_kept(tmp_path:
 
 
 def test_what_the_user_can_mend_ends_with_exit_code_2_and_one_sentence(tmp_path: Path) -> None:
-    refused(pdlab("calibrate", folder=tmp_path), "the store holds no aggregate yet")
+    refused(process("calibrate", folder=tmp_path), "the store holds no aggregate yet")
     pdlab("import", str(SHIPPED), folder=tmp_path)
     refused(pdlab("calibrate", "gravel", folder=tmp_path), "the store holds no aggregate named 'gravel'")
     refused(pdlab("predict", "gravel", folder=tmp_path), "the store holds no mixture named 'gravel'")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 from conftest import FormulaPool, FormulaRunner, ThreadsPool
-from test_cli import pdlab, refused
+from shell import pdlab, refused
 
 from pdlab import Lab, cli, experiments, packing
 from pdlab.batch.runner import Runner

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from test_cli import pdlab, refused
+from shell import pdlab, refused
 
 from pdlab import Lab
 from pdlab.lab import SHIPPED

@@ -1,15 +1,14 @@
 """Geometric references of stored mixtures: no density test, no calibration, few real beds; outdated by new sieves."""
 
 import io
-import os
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+import shell
 import sqlalchemy as sa
 from conftest import ThreadsPool
 
@@ -311,13 +310,8 @@ def test_references_stand_in_the_lists_and_the_comparison(lab: Store, folder: Fo
 
 
 def test_the_shell_prints_references_as_such_and_refuses_to_calibrate_by_them(folder: Folder) -> None:
-    def pdlab(*arguments: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "pdlab.cli", *arguments], check=False, cwd=tables, capture_output=True,
-            encoding="utf-8", env={**os.environ, "PYTHONIOENCODING": "utf-8", "COLUMNS": "140"},
-        )  # fmt: skip
-
     tables = folder(aggregates=AGGREGATES, sieves=SIEVES, mixtures=MIXTURES, packing_tests=MEASURED)
+    pdlab = partial(shell.pdlab, folder=tables)
     assert pdlab("import", ".").returncode == 0
     done = pdlab("predict", "--method", "ordered")
     assert done.returncode == 0, done.stderr
