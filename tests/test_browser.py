@@ -1,5 +1,6 @@
 """A real headless Chromium: a grid that is typed and pasted into, a file; a draft and a prediction that survive."""
 
+import io
 import os
 import re
 import shutil
@@ -12,14 +13,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 from conftest import FormulaPool
+from PIL import Image
 
-from pdlab import experiments
+from pdlab import Lab, experiments
 from pdlab import store as store_module
 from pdlab.batch.runner import Runner
 from pdlab.batch.working import answer
 from pdlab.lab import SHIPPED
+from pdlab.page.app import VIEWS
 from pdlab.store import open_store
 from pdlab.tables import read_path
 
@@ -188,3 +192,30 @@ def test_a_prediction_survives_a_closed_tab_and_comes_without_disturbing_what_is
     opened.close()
     expect(again.get_by_text("Voids for paste [L/m³]")).to_be_visible(timeout=20_000)
     expect(again.get_by_role("textbox", name="Largest size D")).to_have_value("31,")
+
+
+def test_every_view_is_drawn_without_the_engine_and_the_bed_in_three_dimensions_is_not_blank(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    with Lab(str(tmp_path / "lab.db")) as lab:
+        lab.import_tables(SHIPPED)
+        lab.predict(method="drop_and_roll")
+    for address in VIEWS:
+        page.goto(f"{served}/{address}")
+        page.get_by_role("heading", level=1, name=VIEWS[address][0]).wait_for()
+        page.locator("[data-testid=stApp][data-test-script-state=notRunning]").wait_for()
+        assert page.get_by_test_id("stException").count() == 0
+    page.goto(f"{served}/mixtures?mixture=1")
+    page.get_by_text("Show the bed in three dimensions").click()
+    canvas = page.locator(".gl-container canvas").first
+    canvas.wait_for()
+    for _ in range(40):
+        page.wait_for_timeout(250)
+        drawn = Image.open(io.BytesIO(canvas.screenshot())).convert("RGB")
+        if len(drawn.getcolors(1 << 24) or []) > 500:
+            break
+    else:
+        pytest.fail("nothing is drawn")
+    port = f"--server.port={served.rsplit(':', 1)[1]}"
+    (server,) = [one for one in psutil.process_iter() if {"streamlit", port} <= set(one.cmdline())]
+    assert not [region.path for region in server.memory_maps() if "llvmlite" in region.path]
