@@ -28,8 +28,8 @@ SILENT = {"Date": None, "Creator": None, "Format": None, "Type": None}
 """Metadata of an SVG: none, so that the same figure is the same bytes."""
 DASHES = ((), (6.0, 2.0), (2.0, 2.0), (6.0, 2.0, 1.0, 2.0), (10.0, 3.0))
 INK, SHADE = "#000000", "#cfdfe8"
-SIEVE_GAP, NODE_GAP = 0.07, 0.07
-"""Least distance of two labels: sieves' in powers of ten, nodes' in roots of the coefficient."""
+GAP = 0.065
+"""Least distance of two labels on the horizontal axis, as a share of its length."""
 _alone = threading.Lock()
 """Matplotlib's settings are the process's, and a page draws in several threads."""
 
@@ -67,7 +67,7 @@ def grading_curves(gradings: Mapping[str, Grading], mixture: Grading | None = No
                       linestyle=_style(line))  # fmt: skip
         sieves = sorted({aperture for grading, _ in drawn for aperture in grading.apertures})
         axes.set_xscale("log")
-        _tick(axes, [(value, value) for value in apart(sieves, SIEVE_GAP, math.log10)])
+        _tick(axes, sieves, math.log10, lambda value: value)
         axes.set(xlabel=label("aperture"), ylabel=label("passing_percent"), ylim=(-2.0, 102.0))
         axes.set_yticks(range(0, 101, 10))
 
@@ -92,8 +92,7 @@ def calibration_curve(known: Explained, curve: DrawnCurve) -> Figure:
         for value in (known.low, known.value, known.high):
             if value is not None:
                 axes.axvline(math.sqrt(value), color=upright.colour, linewidth=upright.width, linestyle=_style(upright))
-        nodes = apart([node.value for node in curve.nodes], NODE_GAP, math.sqrt)
-        _tick(axes, [(math.sqrt(value), value) for value in nodes])
+        _tick(axes, [node.value for node in curve.nodes], math.sqrt, math.sqrt)
         axes.set(xlabel=label(curve.coefficient), ylabel=label(curve.sought))
 
     lines = [("curve, ± its standard error shaded; crosses: single runs", Line())]
@@ -130,12 +129,18 @@ def _style(line: Line) -> Any:
     return (0.0, tuple(length / line.width for length in line.dash)) if line.dash else "-"
 
 
-def _tick(axes: "Axes", ticks: Sequence[tuple[float, float]]) -> None:
-    """Set the ticks of the horizontal axis: places and the values that stand there."""
-    axes.set_xticks([place for place, _ in ticks], labels=[f"{value:g}" for _, value in ticks])
+def _tick(
+    axes: "Axes", values: Sequence[float], along: Callable[[float], float], place: Callable[[float], float]
+) -> None:
+    """Set the horizontal axis' ticks at rising values, of which those that stand apart ``along`` it have a label.
+
+    ``place``: of a value in the axis' own unit.
+    """
+    labelled = apart(values, GAP * (along(values[-1]) - along(values[0])), along)
+    axes.set_xticks(
+        [place(value) for value in values], [f"{value:.4g}" if value in labelled else "" for value in values]
+    )
     axes.set_xticks([], minor=True)
-    for text in axes.get_xticklabels():
-        text.set(rotation=45 if len(ticks) > 14 else 0)
 
 
 def _svg(draw: Callable[["Axes"], None], width: float = WIDTH, height: float = HEIGHT) -> str:

@@ -16,7 +16,7 @@ from pdlab.report.figures import Figure
 
 UNKNOWN = "–"
 SHORT = 30
-"""Lines of a sieve table that stays on one page."""
+"""Lines of a table that stays on one page."""
 LONGEST = 70
 """Characters of a title that the head of a printed page holds."""
 
