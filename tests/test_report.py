@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_cli import pdlab, refused
 from test_mixing import dense, ids
+from test_repose import AGGREGATES, BY_ANGLE, MIXTURES, SIEVES
 
 from pdlab import cli, experiments, report
 from pdlab import store as store_module
@@ -153,7 +154,9 @@ def test_a_report_asks_nothing_of_another_file_or_host_by_any_method(pebbles: St
     experiments.predict(pebbles, FormulaRunner(pebbles), [EQUAL], Way(method))
     check_alone(report.mixture(pebbles, mixture_id(pebbles), at=AT))
     check_alone(report.aggregate(pebbles, ids(pebbles, "pebbles L")[0], at=AT))
-    assert methods.METHODS[method] in of_mixture(pebbles).text
+    read = of_mixture(pebbles)
+    assert methods.METHODS[method] in read.text
+    assert (read.text.count(report.REFERENCE) == 2) == (method in REFERENCES)
 
 
 def poison(target: Store, mixture: int, aggregate: int, text: str) -> None:
@@ -278,6 +281,27 @@ def test_the_same_store_and_date_give_the_same_bytes_in_several_threads_too(pred
     with ThreadPoolExecutor(4) as pool:
         drawn = set(pool.map(lambda _: figures.calibration_curve(explained, explained.curve), range(8)))  # type: ignore[arg-type]
     assert len(drawn) == 1
+
+
+def test_what_is_calibrated_to_an_angle_shows_its_heaps_and_beds(store: Store, tmp_path: Path) -> None:
+    for name, text in (("aggregates", AGGREGATES), ("sieves", SIEVES), ("mixtures", MIXTURES)):
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    experiments.register(store, read_path(tmp_path))
+    experiments.predict(store, FormulaRunner(store), ["M"], BY_ANGLE)
+    document = experiments.aggregate_document(store, ids(store, "stone")[0])
+    read = of_aggregate(store, "stone")
+    assert marks(read) == (0, False)
+    assert document.calibration is not None
+    heaps = [run for run in document.calibration.runs if run.repose_angle_deg is not None]
+    assert 0 < len(heaps) < len(document.calibration.runs)
+    for run in heaps:
+        assert f"{run.seed}: {run.repose_angle_deg:.2f} {run.digest[:12]}" in read.text
+    for said in ("angle of repose 20°", "slip angle 25°", "PD or angle of repose", methods.METHODS["repose"],
+                 "a standard error of 1 degree is assumed"):  # fmt: skip
+        assert said in read.text, said
+    mixed = Read(report.mixture(store, mixture_id(store, "M"), at=AT))
+    assert marks(mixed) == (0, False)
+    assert "Its runs are those of calibration" not in mixed.text
 
 
 def marks(read: Read) -> tuple[int, bool]:

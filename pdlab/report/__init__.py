@@ -6,6 +6,7 @@ import re
 from pdlab import experiments
 from pdlab.errors import InputError
 from pdlab.experiments import REFERENCES, AggregateDocument, MixtureDocument
+from pdlab.experiments.references import NOTE
 from pdlab.report import figures
 from pdlab.report.pages import moment, page
 from pdlab.store import Store
@@ -14,6 +15,8 @@ __all__ = ["aggregate", "file_name", "mixture", "named", "refused"]
 
 STATES = {"outdated": "OUTDATED: not to be signed", "failed": "FAILED: no result", "open": "NO RESULT YET"}
 """What stands on top of every page, by a result's state."""
+REFERENCE = f"REFERENCE: {NOTE.partition(', ')[2]}"
+"""What stands there of a geometric reference that is current."""
 
 
 def aggregate(target: Store, aggregate_id: int, at: dt.datetime | None = None) -> str:
@@ -37,11 +40,12 @@ def mixture(target: Store, mixture_id: int, method: str | None = None, at: dt.da
     state, composed = known.prediction.state, known.composed
     used = [fit.key for fit in known.calibrations]
     shown = [part for part in known.parts if part.explained.calibration_id in used or not used]
+    mark = STATES.get(state, "")
     if known.prediction.method in REFERENCES:
-        shown = []
+        shown, mark = [], mark or REFERENCE
     return page(
-        "mixture.html", title=f"Mixture {known.name}", known=known, at=_dated(at), mark=STATES.get(state, ""),
-        state=state, parity=_parity(known), references=REFERENCES,
+        "mixture.html", title=f"Mixture {known.name}", known=known, at=_dated(at), mark=mark,
+        parity=_parity(known), references=REFERENCES,
         grading=figures.grading_curves(composed.gradings, composed.combined) if composed.gradings else None,
         curves={part.inputs.key: _curve(part) for part in shown},
     )  # fmt: skip
