@@ -1,5 +1,6 @@
 """``Lab``: the verbs in Python, with pandas frames in and out."""
 
+import datetime as dt
 import getpass
 import io
 import os
@@ -11,7 +12,7 @@ from types import TracebackType
 import numpy as np
 import pandas as pd
 
-from pdlab import experiments, mixture, store, tables
+from pdlab import experiments, mixture, report, store, tables
 from pdlab.batch.many import Summary, Survey, Told, in_order, predict_table, survey
 from pdlab.batch.pools import open_pool
 from pdlab.batch.progress import Progress
@@ -310,6 +311,26 @@ class Lab:
         and InputError where a bare name has several meanings.
         """
         return experiments.show(self.store, what)
+
+    def report(
+        self, what: str, path: str | Path | None = None, method: str | None = None, at: dt.datetime | None = None
+    ) -> str:
+        """Return the lab report of a mixture or an aggregate as HTML, and write it to a new file where one is named.
+
+        ``what``: as in ``show``. ``method``: of the mixture's prediction, by default the one last asked for. ``at``:
+        the date of the report, with its zone, by default now. Raises UnknownName, and InputError where a name has
+        several meanings or a file is there.
+        """
+        if path is not None and Path(path).exists():
+            raise InputError(f"{path} is there and would be overwritten; name another file")
+        text = report.named(self.store, what, method, at)
+        if path is not None:
+            try:
+                with Path(path).open("x", encoding="utf-8") as file:
+                    file.write(text)
+            except OSError as error:
+                raise InputError(f"{path} cannot be written ({error.strerror}); choose another file") from error
+        return text
 
     def verify(self, sample: int | None = None, seed: int = 1) -> list[Verified]:
         """Repeat stored runs, all or ``sample`` drawn by ``seed``, and compare; nothing is written.

@@ -29,6 +29,7 @@ QUANTITIES = {
         Quantity("fineness_en", "FM, EN", "", "fineness modulus by EN 12620"),
         Quantity("bulk_density_kg_m3", "bulk density", "kg/m³", "oven-dry bulk density"),
         Quantity("voids_percent", "voids", "%", "voids between the grains"),
+        Quantity("void_volume", "voids for paste", "L/m³", "voids in a cubic metre, which paste must fill at least"),
         Quantity("packing_density", "packing density", "", "packing density PD"),
         Quantity("repose_angle_deg", "angle of repose", "°", "angle of repose of a heap"),
         Quantity("measured_angle", "angle", "°", "measured angle of repose"),

@@ -1,4 +1,4 @@
-"""A real headless Chromium: a grid that is typed and pasted into, a file; a draft and a prediction that survive."""
+"""A real headless Chromium: a grid that is typed and pasted into, a file; what survives; a report."""
 
 import io
 import os
@@ -15,7 +15,7 @@ from typing import Any
 
 import psutil
 import pytest
-from conftest import FormulaPool
+from conftest import FormulaPool, FormulaRunner
 from PIL import Image
 
 from pdlab import Lab, experiments
@@ -219,3 +219,31 @@ def test_every_view_is_drawn_without_the_engine_and_the_bed_in_three_dimensions_
     port = f"--server.port={served.rsplit(':', 1)[1]}"
     (server,) = [one for one in psutil.process_iter() if {"streamlit", port} <= set(one.cmdline())]
     assert not [region.path for region in server.memory_maps() if "llvmlite" in region.path]
+
+
+def test_a_report_is_downloaded_and_printed_on_pages_of_a4_without_a_network(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    experiments.predict(opened, FormulaRunner(opened), ["pebbles L+F 1:1"])
+    opened.close()
+    page.goto(f"{served}/mixtures?mixture=2")
+    with page.expect_download(timeout=20_000) as arriving:
+        page.get_by_role("button", name="Download the report").click()
+    assert arriving.value.suggested_filename == "report-pebbles-L+F-1-1.html"
+    file = tmp_path / "report.html"
+    arriving.value.save_as(file)
+    page.context.set_offline(True)
+    said, asked = list[str](), list[str]()
+    page.on("console", lambda message: said.append(message.text))
+    page.on("request", lambda request: asked.append(request.url.partition(":")[0]))
+    page.goto(file.as_uri())
+    assert page.get_by_role("heading", level=1).inner_text() == "Mixture pebbles L+F 1:1"
+    assert page.evaluate("[...document.images].map(one => one.naturalWidth > 100)") == [True] * 4
+    assert set(asked) <= {"file", "data"}
+    assert said == []
+    printed = page.pdf(prefer_css_page_size=True)
+    (sheets,) = {tuple(float(side) for side in box.split()) for box in re.findall(rb"/MediaBox \[([^\]]*)\]", printed)}
+    assert sheets == pytest.approx((0.0, 0.0, 595.3, 841.9), abs=1.0)
+    assert b"/Title (Mixture pebbles L+F 1:1" in printed

@@ -21,6 +21,7 @@ VERBS: dict[str, Callable[..., None]] = {
     "compare": comparing.compare,
     "serve": serving.serve,
     "show": descent.show,
+    "report": descent.report,
     "verify": descent.verify,
     "refresh": descent.refresh,
     "correct": descent.correct,

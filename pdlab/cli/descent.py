@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -33,6 +34,20 @@ def show(
             print(json.dumps(facts, indent=2, ensure_ascii=False))
         else:
             print_wide(draw(facts))
+
+
+def report(
+    what: Annotated[str, typer.Argument(metavar="NAME-OR-ID", help="A mixture or an aggregate, as mixture:M.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE.html", help="New; nothing is overwritten.")],
+    method: Annotated[
+        str | None, typer.Option(help="The mixture's prediction by this method; by default the last one.")
+    ] = None,
+    store: Store = None,
+) -> None:
+    """Write a lab report to print and sign: inputs, curves, prediction with its errors, descent, versions."""
+    with open_lab(store) as lab:
+        lab.report(what, output, method)
+    print(f"written to {output}")
 
 
 def verify(

@@ -10,6 +10,16 @@ from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
 from pdlab.experiments.descent import Facts, show
+from pdlab.experiments.documents import (
+    REPORTED,
+    AggregateDocument,
+    Amount,
+    MixtureDocument,
+    Versions,
+    aggregate_document,
+    mixture_document,
+    reported,
+)
 from pdlab.experiments.drafts import Drafted, delete_draft, list_drafts, load_draft, save_draft
 from pdlab.experiments.effort import known_runs
 from pdlab.experiments.entering import (
@@ -24,6 +34,15 @@ from pdlab.experiments.entering import (
     read_entered,
     register_entered,
     sentences,
+)
+from pdlab.experiments.evidence import (
+    AggregateInputs,
+    DensityTest,
+    ShownCalibration,
+    ShownCorrection,
+    ShownRun,
+    SieveLine,
+    SieveTest,
 )
 from pdlab.experiments.explaining import (
     CurveNode,
@@ -76,9 +95,13 @@ __all__ = [
     "METHODS",
     "OTHERS",
     "REFERENCES",
+    "REPORTED",
     "SIEVE_TEXTS",
     "TEST_TEXTS",
+    "AggregateDocument",
+    "AggregateInputs",
     "AggregateRead",
+    "Amount",
     "Asked",
     "Assumed",
     "CalibrationReport",
@@ -86,6 +109,7 @@ __all__ = [
     "Composed",
     "Corrected",
     "CurveNode",
+    "DensityTest",
     "Drafted",
     "DrawnBed",
     "DrawnCurve",
@@ -94,6 +118,7 @@ __all__ = [
     "Exported",
     "Facts",
     "MethodErrors",
+    "MixtureDocument",
     "PredictionReport",
     "Refreshed",
     "Registered",
@@ -101,14 +126,21 @@ __all__ = [
     "RunAll",
     "SharesRead",
     "Sheet",
+    "ShownCalibration",
+    "ShownCorrection",
+    "ShownRun",
+    "SieveLine",
+    "SieveTest",
     "SievesRead",
     "Summary",
     "SweepReport",
     "TestRead",
     "Theoretical",
     "Verified",
+    "Versions",
     "Waiting",
     "Way",
+    "aggregate_document",
     "answered",
     "answering",
     "ask_calibration",
@@ -136,6 +168,7 @@ __all__ = [
     "listed",
     "load_draft",
     "measured_aggregate",
+    "mixture_document",
     "mixture_names",
     "predict",
     "prediction_bed",
@@ -147,6 +180,7 @@ __all__ = [
     "register_entered",
     "register_mixture",
     "report_on",
+    "reported",
     "save_draft",
     "sentences",
     "sheet",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -54,7 +54,8 @@ class Explained:
     """What is known of an aggregate's calibration; ``measured`` in the unit of what is ``sought``, None without a test.
 
     ``value``: the coefficient [-] with its interval, ``low`` or ``high`` None where it is open; ``why``: the method.
-    ``message``: why there is no calibration; ``notes``: what speaks against it.
+    ``message``: why there is no calibration; ``notes``: what speaks against it. ``calibration_id``: of the one that is
+    explained, done or failed.
     """
 
     aggregate_id: int
@@ -69,6 +70,7 @@ class Explained:
     high: float | None = None
     message: str = ""
     notes: tuple[str, ...] = ()
+    calibration_id: int | None = None
 
 
 def explain(target: Store, aggregate_id: int) -> Explained:
@@ -78,7 +80,7 @@ def explain(target: Store, aggregate_id: int) -> Explained:
         ended = [fit for fit in store.calibrations(session, [aggregate_id]) if not fit.variant]
         newest = store.newest_engine(session)
     fit = ended[0] if ended else None
-    known = Explained(row.id, f"{row.name} {row.delivery}".strip())
+    known = Explained(row.id, f"{row.name} {row.delivery}".strip(), calibration_id=fit.id if fit is not None else None)
     method = MONOSIZED if fit is None or fit.method == AUTO else fit.method  # a wish that failed chose none
     way = Way(method) if fit is None else Way(method, fit.diameter_rule, leave_out=fit.leave_out_below_mm)
     try:
@@ -87,7 +89,7 @@ def explain(target: Store, aggregate_id: int) -> Explained:
         ladders = {method: opened.ladder(method) for method in _methods(opened.method)}
         curves.load(ladders.values())
     except InputError as error:
-        return Explained(known.aggregate_id, known.name, message=str(error))
+        return replace(known, message=str(error))
     return _explained(
         known, opened, fit, {method: curves.known(one) for method, one in ladders.items()}, curves, newest
     )
@@ -139,12 +141,13 @@ def _explained(
         notes.append("tested or sieved anew since, or corrected: calibrate again")
     if fit is not None and (older := older_engine(fit.engine_version, newest)):
         notes.append(older)
-    return Explained(
-        known.aggregate_id, known.name, opened.method if fit is not None else "",
-        _why(opened.method, found.get(MONOSIZED)) if fit is not None else "",
-        _drawn(ladder, found[opened.method], curves), measured.value, measured.standard_error,
-        None if result is None else result.value, None if result is None else result.low,
-        None if result is None else result.high, (fit.message or "") if fit is not None else "", tuple(notes),
+    return replace(
+        known, method=opened.method if fit is not None else "",
+        why=_why(opened.method, found.get(MONOSIZED)) if fit is not None else "",
+        curve=_drawn(ladder, found[opened.method], curves), measured=measured.value,
+        measured_error=measured.standard_error, value=None if result is None else result.value,
+        low=None if result is None else result.low, high=None if result is None else result.high,
+        message=(fit.message or "") if fit is not None else "", notes=tuple(notes),
     )  # fmt: skip
 
 

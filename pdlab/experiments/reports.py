@@ -20,6 +20,7 @@ class PredictionReport:
     """A mixture's prediction beside its measurement, or the error that stands in its place.
 
     ``furnas``, ``toufar``, ``cpm``: what theory makes of the current tests, and why not in ``theory_message``.
+    ``outdated``: those of the ``notes`` that say why it is not what would be now.
     """
 
     mixture: str
@@ -40,6 +41,7 @@ class PredictionReport:
     seeds: int | None = None
     state: str = "done"
     notes: tuple[str, ...] = ()
+    outdated: tuple[str, ...] = ()
     prediction_id: int | None = None
     engine_version: int | None = None
     error: PdlabError | None = None
@@ -87,6 +89,7 @@ def report_of(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
         seeds=len(row.runs),
         state="outdated" if outdated and row.state == "done" else row.state,
         notes=tuple(note for note in notes if note),
+        outdated=tuple(outdated),
         prediction_id=row.id,
         engine_version=row.engine_version,
     )

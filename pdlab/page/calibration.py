@@ -4,10 +4,10 @@ from functools import partial
 
 import streamlit as st
 
-from pdlab import charts, experiments
+from pdlab import charts, experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Explained
-from pdlab.page import watching
+from pdlab.page import lab_report, watching
 from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
@@ -41,6 +41,7 @@ def show(target: Store) -> None:
             "Across: the measured value ± its error. Upright: the coefficient's interval. The axis is spaced by the "
             "root of the coefficient."
         )
+    lab_report.offer(known.name, partial(report.aggregate, target, chosen))
 
 
 def _choose(target: Store) -> int | None:

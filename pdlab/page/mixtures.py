@@ -5,10 +5,10 @@ from functools import partial
 import pandas as pd
 import streamlit as st
 
-from pdlab import experiments
+from pdlab import experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Composed
-from pdlab.page import composing, watching
+from pdlab.page import composing, lab_report, watching
 from pdlab.page.composing import MIXTURE, OPEN
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
@@ -34,7 +34,8 @@ def show(target: Store) -> None:
     with wish:
         _wish(target, chosen)
     with answer:
-        result(target, composed)
+        method = result(target, composed)
+        lab_report.offer(composed.name, partial(report.mixture, target, chosen, method))
     with below:
         _parts(composed)
 

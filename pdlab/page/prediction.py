@@ -15,8 +15,11 @@ DRAWN = 3000  # spheres of a bed at most: what a browser still turns smoothly
 BESIDE = ("volume_mean", "furnas", "toufar", "cpm")
 
 
-def result(target: Store, composed: Composed) -> None:
-    """Show the mixture's last prediction by each method, one at a time, or what is known without one."""
+def result(target: Store, composed: Composed) -> str | None:
+    """Show the mixture's last prediction by each method, one at a time, or what is known without one.
+
+    Returns the method that is shown, None without one.
+    """
     reports = experiments.comparisons(target, names=[composed.name])
     methods = [report.method for report in reports if report.state != "open"]
     if not methods:
@@ -32,6 +35,7 @@ def result(target: Store, composed: Composed) -> None:
     _beside(report)
     if report.packing_density is not None and report.prediction_id is not None:
         _bed(target, report.prediction_id)
+    return report.method if methods else None
 
 
 def _metrics(report: PredictionReport, packing: float, composed: Composed) -> None:

@@ -14,7 +14,7 @@ from pdlab.store.descent import (
 from pdlab.store.keeping import sieve_table, sizes
 from pdlab.store.lists import SHOWN, column_kinds, count_rows, differences, list_rows
 from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
-from pdlab.store.revisions import migrate
+from pdlab.store.revisions import head, migrate
 from pdlab.store.selects import (
     add_all,
     add_runs,
@@ -119,6 +119,7 @@ __all__ = [
     "find_row",
     "find_run",
     "free_runs",
+    "head",
     "is_attended",
     "is_made",
     "last_calibration",

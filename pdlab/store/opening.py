@@ -57,6 +57,18 @@ class Store:
             yield session
 
     @contextmanager
+    def snapshot(self) -> Iterator["Store"]:
+        """Give a store whose every ``read`` sees the one state of now, whatever is written meanwhile.
+
+        Its ``write`` writes into the store as it is, where the snapshot does not see it. Raises StoreError.
+        """
+        if isinstance(self.reader, sa.Connection):  # one transaction already
+            yield self
+            return
+        with named_errors(self.url), self.reader.connect() as connection, connection.begin():
+            yield Store(self.url, connection, self.writer)
+
+    @contextmanager
     def rehearsal(self) -> Iterator["Store"]:
         """Give a store in which all can be written and read, and of which nothing is kept. Raises StoreError."""
         with named_errors(self.url):
