@@ -48,12 +48,20 @@ from pdlab.experiments.mixing import (
     waiting_prediction,
 )
 from pdlab.experiments.predictions import answered, predict, to_predict
+from pdlab.experiments.proportions import (
+    ListedSweep,
+    Proportions,
+    ask_proportions,
+    newest_sweeps,
+    proportions,
+    waiting_sweep,
+)
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
-from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
+from pdlab.experiments.sweeps import MeasuredMix, SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.waiting import Waiting
@@ -93,8 +101,11 @@ __all__ = [
     "Explained",
     "Exported",
     "Facts",
+    "ListedSweep",
+    "MeasuredMix",
     "MethodErrors",
     "PredictionReport",
+    "Proportions",
     "Refreshed",
     "Registered",
     "Report",
@@ -115,6 +126,7 @@ __all__ = [
     "ask_calibrations",
     "ask_prediction",
     "ask_predictions",
+    "ask_proportions",
     "ask_sweep",
     "beds_to_run",
     "by_theory",
@@ -137,8 +149,10 @@ __all__ = [
     "load_draft",
     "measured_aggregate",
     "mixture_names",
+    "newest_sweeps",
     "predict",
     "prediction_bed",
+    "proportions",
     "read_entered",
     "read_shares",
     "refresh",
@@ -159,4 +173,5 @@ __all__ = [
     "verify",
     "waiting_calibration",
     "waiting_prediction",
+    "waiting_sweep",
 ]
