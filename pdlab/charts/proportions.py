@@ -19,7 +19,7 @@ from pdlab.sweep import Densest, Swept
 Floats = NDArray[np.float64]
 CORNERS = np.array([[0.5, math.sqrt(0.75)], [0.0, 0.0], [1.0, 0.0]])
 """Places of the three aggregates alone: the first on top, the second to the left, the third to the right."""
-ROWS = 80
+ROWS = 60
 """Rows of the grid on which the triangle's PD is drawn; the ends of each lie on the triangle's sides."""
 TICKS = (0.2, 0.4, 0.6, 0.8)
 """Shares [-] at which the triangle has lines."""
@@ -27,6 +27,12 @@ ISO_LINES = 8
 """About so many lines of equal PD."""
 SCALE = ((0.0, "#2a2f5e"), (0.5, "#2f6f8a"), (1.0, "#3f9b6b"))
 """From loose to dense; dark enough for white letters at both ends."""
+THIN = "rgba(255, 255, 255, 0.6)"
+AWAY = 0.015
+"""Of the percent labels from their sides, in lengths of a side."""
+BESIDE = ("middle left", "bottom center", "middle right")
+"""Where the percent labels lie beside their sides."""
+ANCHORS = ("center", "left", "right")
 DASHES = ("dash", "dot")
 WIDTH = 20
 """Letters of a name in one line at a corner."""
@@ -90,9 +96,9 @@ def _marks(known: Proportions, result: Swept) -> list[Marks]:
     bed = tuple("one bed" for _ in result.points)
     beds = [(point.shares, point.packing_density, point.standard_error) for point in result.points]
     out += _of("beds", beds, bed, "circle", SERIES, 7)
-    for name, mixes, symbol in (("tested alone", known.alone, "square"), ("tested", known.measured, "diamond")):
+    for name, mixes, symbol in (("measured alone", known.alone, "square"), ("measured", known.measured, "diamond")):
         rows = [(mix.shares, mix.packing_density, mix.standard_error) for mix in mixes]
-        out += _of(name, rows, tuple(f"{shown(mix.name)}, tested" for mix in mixes), symbol, LINES[1], 9)
+        out += _of(name, rows, tuple(f"{shown(mix.name)}, measured" for mix in mixes), symbol, LINES[1], 9)
     if test is not None:
         row = (test.shares, test.packing_density, test.error)
         out += _of("to test next", [row], ("to test next",), "triangle-up", LINES[4], 13)
@@ -143,22 +149,8 @@ def proportion_triangle(known: Proportions, result: Swept) -> go.Figure:
     The polygon around the densest mix holds the proportions within the intervals of its shares.
     """
     figure = go.Figure()
-    x, y, values = triangle_grid(result.shares, result.packing_density)
-    step = _step(float(np.ptp(result.packing_density)))
-    figure.add_contour(
-        x=x, y=y, z=values, colorscale=SCALE, hoverinfo="skip", line={"color": "rgba(255, 255, 255, 0.75)", "width": 1},
-        contours={"start": step * math.ceil(np.nanmin(values) / step), "end": float(np.nanmax(values)), "size": step,
-                  "showlabels": True, "labelfont": {"color": "white", "size": 12}},
-        colorbar={"title": "PD", "thickness": 14, "len": 0.8},
-    )  # fmt: skip
+    _add_surface(figure, known.names, result)
     _add_scales(figure, known.names)
-    at = places(result.shares)
-    texts = [
-        f"{_mix(known.names, row)}<br>PD {value:.4f} ± {error:.4f}"
-        for row, value, error in zip(result.shares, result.packing_density, result.deviation, strict=True)
-    ]
-    figure.add_scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 10, "opacity": 0.0}, text=texts,
-                       hovertemplate="%{text}<extra></extra>", showlegend=False, name="proportions")  # fmt: skip
     around = places(interval_corners(result.densest))
     figure.add_scatter(x=around[:, 0], y=around[:, 1], mode="lines", line={"color": LINES[5], "width": 2},
                        hoverinfo="skip", name="densest mix, its interval")  # fmt: skip
@@ -172,7 +164,27 @@ def proportion_triangle(known: Proportions, result: Swept) -> go.Figure:
         )  # fmt: skip
     figure.update_xaxes(visible=False, range=[-0.12, 1.12], constrain="domain")
     figure.update_yaxes(visible=False, range=[-0.14, CORNERS[0, 1] + 0.1], scaleanchor="x")
-    return styled(figure, 640).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.02})
+    return styled(figure, 680).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.02})
+
+
+def _add_surface(figure: go.Figure, names: Sequence[str], result: Swept) -> None:
+    """Draw the areas between lines of equal PD, and what is said at each place of the sweep's grid."""
+    x, y, values = triangle_grid(result.shares, result.packing_density)
+    step = _step(float(np.ptp(result.packing_density)))
+    figure.add_contour(
+        x=x, y=y, z=values.astype(np.float32), colorscale=SCALE, hoverinfo="skip", line={"color": THIN, "width": 1},
+        contours={"start": step * math.ceil(np.nanmin(values) / step), "end": float(np.nanmax(values)), "size": step,
+                  "showlabels": True, "labelfont": {"color": "white", "size": 12}},
+        colorbar={"title": {"text": "PD", "side": "right"}, "orientation": "h", "y": 1.0, "yanchor": "bottom",
+                  "thickness": 12, "len": 0.5},
+    )  # fmt: skip
+    at = places(result.shares)
+    texts = [
+        f"{_mix(names, row)}<br>PD {value:.4f} ± {error:.4f}"
+        for row, value, error in zip(result.shares, result.packing_density, result.deviation, strict=True)
+    ]
+    figure.add_scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 10, "opacity": 0.0}, text=texts,
+                       hovertemplate="%{text}<extra></extra>", showlegend=False, name="proportions")  # fmt: skip
 
 
 def _step(span: float) -> float:
@@ -199,27 +211,27 @@ def interval_corners(best: Densest) -> Floats:
 
 
 def _add_scales(figure: go.Figure, names: Sequence[str]) -> None:
-    """Draw the sides, lines of equal shares with their percent in the aggregate's colour, and the names."""
-    sides = places(np.eye(3)[[0, 1, 2, 0]])
+    """Draw the sides, and for each aggregate lines of equal shares, their percent in its colour, and its name."""
+    alone, sides = np.eye(3), places(np.eye(3)[[0, 1, 2, 0]])
     figure.add_scatter(x=sides[:, 0], y=sides[:, 1], mode="lines", line={"color": INK, "width": 1.5}, hoverinfo="skip",
                        showlegend=False, name="sides")  # fmt: skip
-    away = ((-16, 6), (0, 14), (16, 6))  # of a side's labels, in px: left, below, right
-    anchors = ("center", "left", "right")
     for k, name in enumerate(names):
-        before, after = np.eye(3)[(k + 1) % 3], np.eye(3)[(k + 2) % 3]
-        lines = [places([share * np.eye(3)[k] + (1 - share) * end for end in (before, after)]) for share in TICKS]
-        gaps = np.array([[np.nan, np.nan]])
-        path = np.concatenate([part for line in lines for part in (line, gaps)])
-        figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", line={"color": "rgba(160, 160, 160, 0.45)",
-                           "width": 1, "dash": "dot"}, hoverinfo="skip", showlegend=False, name="shares")  # fmt: skip
-        for share, line in zip(TICKS, lines, strict=True):
-            figure.add_annotation(x=line[0, 0], y=line[0, 1], text=f"{100.0 * share:g}", showarrow=False,
-                                  xshift=away[k][0], yshift=-away[k][1] if k == 1 else away[k][1],
-                                  font={"color": LINES[k], "size": 12})  # fmt: skip
-        corner = "<br>".join(textwrap.wrap(shown(name), WIDTH) or [""])
-        figure.add_annotation(x=CORNERS[k, 0], y=CORNERS[k, 1], text=f"{corner} [%]", showarrow=False,
-                              xanchor=anchors[k], yanchor="bottom" if k == 0 else "top", yshift=6 if k == 0 else -22,
-                              font={"color": LINES[k], "size": 14})  # fmt: skip
+        before, after = alone[(k + 1) % 3], alone[(k + 2) % 3]
+        lines = [places([share * alone[k] + (1 - share) * end for end in (before, after)]) for share in TICKS]
+        path = np.concatenate([np.concatenate([line, [[np.nan, np.nan]]]) for line in lines])
+        figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", line={"color": THIN, "width": 1, "dash": "dot"},
+                           hoverinfo="skip", showlegend=False, name="shares")  # fmt: skip
+        ends = [line[0] + AWAY * (line[0] - line[1]) / np.linalg.norm(line[0] - line[1]) for line in lines]
+        figure.add_scatter(
+            x=[end[0] for end in ends], y=[end[1] for end in ends], mode="text", textposition=BESIDE[k],
+            text=[f"{100.0 * share:g}" for share in TICKS], textfont={"color": LINES[k], "size": 12}, hoverinfo="skip",
+            showlegend=False, name="percent",
+        )  # fmt: skip
+        corner = "<br>".join(map(shown, textwrap.wrap(name, WIDTH) or [""]))
+        figure.add_annotation(
+            x=CORNERS[k, 0], y=CORNERS[k, 1], text=f"{corner} [%]", showarrow=False, xanchor=ANCHORS[k],
+            yanchor="bottom" if k == 0 else "top", yshift=6 if k == 0 else -22, font={"color": LINES[k], "size": 14},
+        )  # fmt: skip
 
 
 def share_profiles(known: Proportions, result: Swept) -> go.Figure:
