@@ -10,12 +10,12 @@ from pdlab.models import Mixture, MixtureComponent, PackingTest, Sweep, SweepCom
 from pdlab.store.selects import ENDED, parts
 from pdlab.store.wishes import WAITING
 
-_SWEEPS = (
+_LISTED = (
     sa.select(Sweep)
     .options(selectinload(Sweep.components).selectinload(SweepComponent.aggregate))
-    .options(selectinload(Sweep.runs), selectinload(Sweep.calibrations))
     .order_by(Sweep.requested_at.desc(), Sweep.id.desc())
 )
+_SWEEPS = _LISTED.options(selectinload(Sweep.runs), selectinload(Sweep.calibrations))
 
 
 def sweeps_by_id(session: Session, ids: Sequence[int]) -> list[Sweep]:
@@ -25,7 +25,7 @@ def sweeps_by_id(session: Session, ids: Sequence[int]) -> list[Sweep]:
 
 def newest_sweeps(session: Session, most: int) -> list[Sweep]:
     """Return so many of the sweeps asked for last, the newest first, with their aggregates and without their curves."""
-    return list(session.scalars(_SWEEPS.options(defer(Sweep.curve)).limit(most)))
+    return list(session.scalars(_LISTED.options(defer(Sweep.curve)).limit(most)))
 
 
 def measured_blends(session: Session, aggregate_ids: Sequence[int]) -> list[Mixture]:
