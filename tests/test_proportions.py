@@ -168,9 +168,11 @@ def test_a_sweep_is_wished_for_once_cancelled_asked_for_again_and_read_when_it_i
     assert (len(listed), listed[0].aggregates, listed[0].state) == (2, ENDS, "done")
 
 
-def test_a_page_that_asks_leaves_it_to_the_runner_to_work_a_sweep_out_of_beds_that_are_there(pebbles: Store) -> None:
-    kept = experiments.sweep_aggregates(pebbles, MixingRunner(pebbles), ENDS).sweep_id
-    experiments.delete(pebbles, f"sweep:{kept}", "me")
+def test_asking_leaves_it_to_the_runner_to_begin_a_sweep_which_takes_seconds(
+    pebbles: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    experiments.calibrate(pebbles, FormulaRunner(pebbles), ENDS)
+    monkeypatch.setattr(sweeps.sweep, "sweeping", lambda *_: pytest.fail("begun by the page"))
     wish = experiments.ask_proportions(pebbles, ids(pebbles, *ENDS), "monosized")
     assert experiments.waiting_sweep(pebbles, wish) is not None
 

@@ -135,7 +135,7 @@ def read_sweep(
 ) -> SweepReport | None:
     """Return the sweep of aggregates that is kept, or why there can be none; None where it is yet to be worked out.
 
-    What it takes to work one out, even of beds that are there, is seconds of a surface, which no page waits for.
+    To begin one takes seconds, of its specimens and its surface, for which no page waits.
     """
     reports = at_once(calibrating(target, rows, way, engine_version))
     if reports is None:
