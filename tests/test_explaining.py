@@ -15,7 +15,7 @@ from pdlab.dem import VERSION
 from pdlab.errors import UnknownName
 from pdlab.experiments import Way
 from pdlab.lab import SHIPPED
-from pdlab.page import calibration
+from pdlab.page import choosing
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -171,7 +171,7 @@ def test_a_calibration_chart_holds_every_run_and_what_was_measured(pebbles: Stor
 
 def test_an_aggregate_too_old_for_the_list_is_shown_by_its_address(lab: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     experiments.register(lab, read_path(SHIPPED))
-    monkeypatch.setattr(calibration, "LISTED", 1)
+    monkeypatch.setattr(choosing, "LISTED", 1)
     oldest = aggregate(lab, "pebbles L")
     app = view(oldest)
     assert app.selectbox(key="aggregate").value == oldest

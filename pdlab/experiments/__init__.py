@@ -67,12 +67,20 @@ from pdlab.experiments.mixing import (
     waiting_prediction,
 )
 from pdlab.experiments.predictions import answered, predict, to_predict
+from pdlab.experiments.proportions import (
+    ListedSweep,
+    Proportions,
+    ask_proportions,
+    newest_sweeps,
+    proportions,
+    waiting_sweep,
+)
 from pdlab.experiments.readings import Summary, measured_aggregate, summaries
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.refreshing import Refreshed, refresh
 from pdlab.experiments.registration import Registered, register, register_each
 from pdlab.experiments.reports import PredictionReport
-from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
+from pdlab.experiments.sweeps import MeasuredMix, SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
 from pdlab.experiments.waiting import Waiting
@@ -117,9 +125,12 @@ __all__ = [
     "Explained",
     "Exported",
     "Facts",
+    "ListedSweep",
+    "MeasuredMix",
     "MethodErrors",
     "MixtureDocument",
     "PredictionReport",
+    "Proportions",
     "Refreshed",
     "Registered",
     "Report",
@@ -147,6 +158,7 @@ __all__ = [
     "ask_calibrations",
     "ask_prediction",
     "ask_predictions",
+    "ask_proportions",
     "ask_sweep",
     "beds_to_run",
     "by_theory",
@@ -170,8 +182,10 @@ __all__ = [
     "measured_aggregate",
     "mixture_document",
     "mixture_names",
+    "newest_sweeps",
     "predict",
     "prediction_bed",
+    "proportions",
     "read_entered",
     "read_shares",
     "refresh",
@@ -193,4 +207,5 @@ __all__ = [
     "verify",
     "waiting_calibration",
     "waiting_prediction",
+    "waiting_sweep",
 ]

@@ -74,11 +74,11 @@ def read_shares(texts: Sequence[str]) -> SharesRead:
 def compose(target: Store, ids: Sequence[int], shares: Sequence[float], by_mass: bool) -> Composed:
     """Return what a mixture of aggregates with these shares [-] would be. Raises UnknownName, InputError."""
     with target.read() as session:
-        rows = _aggregates(session, ids)
+        rows = aggregates_of(session, ids)
     densities = [particle_density(row) for row in rows]
     if not by_mass:
         return _composed("", rows, tuple(shares))
-    missing = [_full_name(row) for row, known in zip(rows, densities, strict=True) if known is None]
+    missing = [full_name(row) for row, known in zip(rows, densities, strict=True) if known is None]
     if missing:
         raise InputError(
             f"shares by mass need a particle density of {', '.join(missing)}; enter it, or give shares by solid volume"
@@ -91,7 +91,7 @@ def composition(target: Store, mixture_id: int) -> Composed:
     """Return what a stored mixture is made of. Raises UnknownName."""
     with target.read() as session:
         blend = _mixture(session, mixture_id)
-        rows = _aggregates(session, [part.aggregate_id for part in blend.components])
+        rows = aggregates_of(session, [part.aggregate_id for part in blend.components])
     shares = [part.solid_volume_share for part in blend.components]
     whole = math.fsum(shares)  # 1 but for rounding
     return _composed(blend.name, rows, tuple(share / whole for share in shares))
@@ -103,7 +103,7 @@ def register_mixture(target: Store, name: str, ids: Sequence[int], shares: Seque
     Raises TableError with every problem, UnknownName.
     """
     with target.read() as session:
-        rows = _aggregates(session, ids)
+        rows = aggregates_of(session, ids)
     kind = "mass_share" if by_mass else "solid_volume_share"
     lines = [
         {"mixture": name, "aggregate": row.name, "delivery": row.delivery, kind: share}
@@ -146,7 +146,8 @@ def waiting_prediction(target: Store, mixture_id: int) -> Waiting | None:
         return None if row is None else waiting_of(session, ("prediction", row.id), row)
 
 
-def _full_name(row: Aggregate) -> str:
+def full_name(row: Aggregate) -> str:
+    """Return an aggregate's name with its delivery."""
     return f"{row.name} {row.delivery}".strip()
 
 
@@ -157,7 +158,8 @@ def _mixture(session: Session, mixture_id: int) -> Mixture:
     return row
 
 
-def _aggregates(session: Session, ids: Sequence[int]) -> list[Aggregate]:
+def aggregates_of(session: Session, ids: Sequence[int]) -> list[Aggregate]:
+    """Return the aggregates with these ids, in their order, with their tests. Raises UnknownName."""
     known = {row.id: row for row in store.aggregates_by_id(session, ids)}
     for key in ids:
         if key not in known:
@@ -166,10 +168,10 @@ def _aggregates(session: Session, ids: Sequence[int]) -> list[Aggregate]:
 
 
 def _composed(name: str, rows: Sequence[Aggregate], shares: tuple[float, ...]) -> Composed:
-    names = tuple(map(_full_name, rows))
-    sieved = {_full_name(row): current_grading(row) for row in rows}
+    names = tuple(map(full_name, rows))
+    sieved = {full_name(row): current_grading(row) for row in rows}
     gradings = {one: found for one, found in sieved.items() if found is not None}
-    dense = {_full_name(row): particle_density(row) for row in rows}
+    dense = {full_name(row): particle_density(row) for row in rows}
     known = [value for value in dense.values() if value is not None]
     whole = len(known) == len(rows)
     return Composed(

@@ -17,7 +17,7 @@ from pdlab.experiments.readings import measured_mixture
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.ways import Way
 from pdlab.models import Aggregate, Mixture, Sweep, SweepCalibration, SweepComponent, SweepRun, now
-from pdlab.plan import Plan, RunAll, finish
+from pdlab.plan import Plan, RunAll, at_once, finish
 from pdlab.specimen import on_grid, protocol_of
 from pdlab.store import Claim, Store
 from pdlab.sweep import MOST, WISHED_ERROR, Densest, Measurement, NextTest, Point, Swept
@@ -39,6 +39,16 @@ class SweepReport:
     sweep_id: int | None = None
     engine_version: int | None = None
     error: PdlabError | None = None
+
+
+@dataclass(frozen=True)
+class MeasuredMix:
+    """A mixture that was tested: its ``shares`` [-] of the aggregates asked about, in their order, its PD [-]."""
+
+    name: str
+    shares: tuple[float, ...]
+    packing_density: float
+    standard_error: float
 
 
 @dataclass
@@ -65,9 +75,8 @@ class _Asked:
         asked = (self.way.text(), self.wished_error, self.most, self.engine_version)
         if row.state != "done" or asked != (row.asked, row.wished_error, row.most_specimens, row.engine_version):
             return False
-        measured = json.loads(row.curve or "{}").get("measured")
-        same = measured == [list(mix.shares) for mix in self.measured]
-        return same and {link.calibration_id for link in row.calibrations} == self.sources
+        same = {link.calibration_id for link in row.calibrations} == self.sources
+        return same and rests_on_measured(row, self.measured)
 
 
 def sweep_aggregates(
@@ -115,13 +124,48 @@ def sweeping(
     sweep.check_wish(wished_error, most)
     asked = _Asked(list(rows), way, wished_error, most, engine_version)
     asked.reports = yield from calibrating(target, rows, way, engine_version)
-    with target.read() as session:
-        asked.measured = _measured(session, asked)
-        kept = store.ended_sweeps(session, [row.id for row in rows], way.method, way.variant)
-    equal = next((row for row in kept if asked.is_kept_by(row)), None)
+    equal = _find_equal(target, asked)
     if equal is None:
         yield from _working_out(target, asked)
     return _with_choices(_save(target, asked, equal, claim), asked)
+
+
+def read_sweep(
+    target: Store, rows: Sequence[Aggregate], way: Way, wished_error: float, most: int, engine_version: int
+) -> SweepReport | None:
+    """Return the sweep of aggregates that is kept, or why there can be none; None where it is yet to be worked out.
+
+    To begin one takes seconds, of its specimens and its surface, for which no page waits.
+    """
+    reports = at_once(calibrating(target, rows, way, engine_version))
+    if reports is None:
+        return None
+    asked = _Asked(list(rows), way, wished_error, most, engine_version, reports)
+    equal = _find_equal(target, asked)
+    if equal is None:
+        try:
+            for report in reports:
+                _part(report)
+            return None
+        except PdlabError as error:
+            asked.error = error
+    return _with_choices(_save(target, asked, equal, None), asked)
+
+
+def _find_equal(target: Store, asked: _Asked) -> Sweep | None:
+    """Take in what was measured; return a stored sweep that was worked out from the same."""
+    with target.read() as session:
+        ids = [row.id for row in asked.rows]
+        mixes = measured_mixes(session, ids, asked.reports[0].protocol.compaction)
+        asked.measured = [Measurement(mix.shares, mix.standard_error) for mix in mixes]
+        kept = store.ended_sweeps(session, ids, asked.way.method, asked.way.variant)
+    return next((row for row in kept if asked.is_kept_by(row)), None)
+
+
+def rests_on_measured(row: Sweep, measured: Sequence[Measurement | MeasuredMix]) -> bool:
+    """Return whether a stored sweep took in these measured mixtures, and no others."""
+    kept = json.loads(row.curve or "{}").get("measured")
+    return bool(kept == [list(mix.shares) for mix in measured])
 
 
 def _working_out(target: Store, asked: _Asked) -> Plan[None]:
@@ -142,18 +186,16 @@ def _part(report: CalibrationReport) -> mixture.Part:
     return replace(part_of(report, 1.0), packing_density=report.result.packing_density)
 
 
-def _measured(session: Session, asked: _Asked) -> list[Measurement]:
-    """Return the mixtures of these aggregates alone that were measured in the compaction of their calibrations."""
-    places = {row.id: k for k, row in enumerate(asked.rows)}
-    found = {blend.id: blend for key in places for blend in store.blends_with(session, key)}
-    out = list[Measurement]()
-    for _, blend in sorted(found.items()):
+def measured_mixes(session: Session, aggregate_ids: Sequence[int], compaction: str) -> list[MeasuredMix]:
+    """Return the mixtures of these aggregates alone that were tested in a compaction, with their current values."""
+    places, out = {key: k for k, key in enumerate(aggregate_ids)}, list[MeasuredMix]()
+    for blend in store.measured_blends(session, aggregate_ids):
         test, measured = store.newest_test(blend.packing_tests), measured_mixture(blend)
-        inside = all(part.aggregate_id in places for part in blend.components)
-        if test is None or measured is None or not inside:
+        if test is None or measured is None:
             continue
-        if protocol_of(test.compaction).compaction == asked.reports[0].protocol.compaction:
-            out.append(Measurement(_shares(blend, places), measured.standard_error))
+        if protocol_of(test.compaction).compaction == compaction:
+            shares = _shares(blend, places)
+            out.append(MeasuredMix(blend.name, shares, measured.packing_density, measured.standard_error))
     return out
 
 
@@ -280,7 +322,7 @@ def _curve_text(result: Swept, measured: Sequence[Measurement]) -> str:
     )
 
 
-def _result(row: Sweep) -> Swept:
+def result_of(row: Sweep) -> Swept:
     """Return what a stored sweep gave."""
     kept = json.loads(row.curve or "{}")
     test = kept["next_test"]
@@ -306,7 +348,7 @@ def report_of(target: Store, sweep_id: int) -> SweepReport:
         row = next(iter(store.sweeps_by_id(session, [sweep_id])), None)
     if row is None:
         raise UnknownName(f"the store holds no sweep {sweep_id}; it was deleted: ask again")
-    result = _result(row) if row.state == "done" else None
+    result = result_of(row) if row.state == "done" else None
     return SweepReport(
         aggregates=tuple(part.aggregate.name for part in row.components),
         method=row.method,

@@ -136,6 +136,25 @@ def evaluate(asked: Sequence[Recipe], wanted: Sequence[str] = tuple(theory.THEOR
     return out
 
 
+def over_shares(
+    aggregates: Sequence[Aggregate], shares: theory.Floats, rule: str, wanted: Sequence[str]
+) -> tuple[dict[str, theory.Floats], dict[str, PdlabError]]:
+    """Return PD [-] over proportions of aggregates by each of the ``wanted`` theories, shape (M,), or why it has none.
+
+    ``shares`` of the solid volume [-], shape (M, S), of the aggregates, which come with their tests.
+    """
+    found = [_material(row, rule) for row in aggregates]
+    materials = tuple(one for one in found if isinstance(one, Material))
+    for error in found:
+        if isinstance(error, PdlabError):
+            return {}, dict.fromkeys(wanted, error)
+    ways = {material.compaction for material in materials}
+    compaction = ways.pop() if len(ways) == 1 else None
+    mixes = evaluate([Recipe("", materials, tuple(row), compaction) for row in shares.tolist()], wanted)
+    values = {name: np.array([mix.values[name] for mix in mixes]) for name in wanted if name in mixes[0].values}
+    return values, mixes[0].errors
+
+
 def _refusal(name: str, recipe: Recipe) -> PdlabError | None:
     """Return why a model cannot tell a mixture's packing density, None where it can."""
     try:

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from sqlalchemy.orm import Session
 
 from pdlab import store
-from pdlab.models import Calibration, Prediction, now
+from pdlab.models import Calibration, Prediction, Sweep, now
 from pdlab.store import LEASE, Key
+
+Wished = Calibration | Prediction | Sweep
 
 PATIENCE = 10.0
 """Seconds after which a runner, were there one, would have taken up a wish."""
@@ -29,18 +31,18 @@ class Waiting:
     attended: bool = True
 
 
-def waiting_of(session: Session, key: Key, row: Calibration | Prediction) -> Waiting:
+def waiting_of(session: Session, key: Key, row: Wished) -> Waiting:
     """Return how far a wish is that has not ended."""
     return Waiting(key, row.method, row.state, row.progress, _left(row), _is_attended(session, row))
 
 
-def _left(row: Calibration | Prediction) -> float | None:
+def _left(row: Wished) -> float | None:
     if row.state != "running" or row.heartbeat is None or not row.progress > 0.0:
         return None
     return (row.heartbeat - row.requested_at).total_seconds() * (1.0 - row.progress) / row.progress
 
 
-def _is_attended(session: Session, row: Calibration | Prediction) -> bool:
+def _is_attended(session: Session, row: Wished) -> bool:
     if row.state == "running":
         return row.heartbeat is not None and now() - row.heartbeat <= dt.timedelta(seconds=LEASE)
     return now() - row.requested_at < dt.timedelta(seconds=PATIENCE) or store.is_attended(session)

@@ -10,13 +10,13 @@ from pdlab.experiments.calibrations import CalibrationReport, calibrating, calib
 from pdlab.experiments.opening import open_calibration
 from pdlab.experiments.predictions import answered, predicting
 from pdlab.experiments.reports import PredictionReport, reports_of
-from pdlab.experiments.sweeps import SweepReport, sweeping
+from pdlab.experiments.sweeps import SweepReport, read_sweep, sweeping
 from pdlab.experiments.sweeps import report_of as report_of_sweep
 from pdlab.experiments.ways import Way, way_of_text
 from pdlab.models import Aggregate, Calibration, Mixture, Prediction, Sweep, SweepComponent
 from pdlab.plan import Plan, at_once
 from pdlab.store import Claim, Key, Store
-from pdlab.sweep import MOST
+from pdlab.sweep import MOST, check_aggregates, check_wish
 
 Report = CalibrationReport | PredictionReport | SweepReport
 
@@ -83,13 +83,16 @@ def ask_sweep(
     engine_version: int,
     priority: int = 0,
 ) -> SweepReport | Key:
-    """Read the sweep of aggregates that is there, or work it out of the beds that are; else return the wish for it."""
-    found = at_once(sweeping(target, rows, way, wished_error, most_specimens, engine_version))
+    """Read the sweep of aggregates that is there; else return the wish for it. Raises InputError."""
+    check_aggregates(len(rows))
+    most = MOST[len(rows)] if most_specimens is None else most_specimens
+    check_wish(wished_error, most)
+    found = read_sweep(target, rows, way, wished_error, most, engine_version)
     if found is not None:
         return found
     facts = {
         "method": way.method, "variant": way.variant, "asked": way.text(), "wished_error": wished_error,
-        "most_specimens": most_specimens or MOST[len(rows)],
+        "most_specimens": most,
     }  # fmt: skip
     ids = [row.id for row in rows]
     with target.write() as session:

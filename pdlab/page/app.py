@@ -8,7 +8,7 @@ from streamlit.navigation.page import StreamlitPage
 
 from pdlab import store
 from pdlab.errors import InputError, PdlabError
-from pdlab.page import aggregates, calibration, links, mixtures, new_aggregate, predicted_vs_measured
+from pdlab.page import aggregates, calibration, links, mixtures, new_aggregate, predicted_vs_measured, proportions
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
@@ -18,6 +18,7 @@ VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
     "aggregates": ("Aggregates", aggregates.show),
     "calibration": ("Calibration", calibration.show),
     "mixtures": ("Mixtures", mixtures.show),
+    "proportions": ("Proportions", proportions.show),
     "new-aggregate": ("New aggregate", new_aggregate.show),
 }  # a docstring would be shown on the page; by address: title, what draws it
 

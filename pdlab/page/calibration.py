@@ -6,15 +6,13 @@ import streamlit as st
 
 from pdlab import charts, experiments, report
 from pdlab.errors import UnknownName
-from pdlab.experiments import METHODS, OTHERS, Explained
-from pdlab.page import lab_report, watching
+from pdlab.experiments import Explained
+from pdlab.page import choosing, lab_report, watching
 from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
 
-LISTED = 200  # aggregates to choose from
 CHOSEN = "aggregate"
-WAYS = (OTHERS[1], *METHODS, OTHERS[0])  # auto first
 
 
 def show(target: Store) -> None:
@@ -46,25 +44,16 @@ def show(target: Store) -> None:
 
 def _choose(target: Store) -> int | None:
     """Ask for an aggregate, the one of the address first; return its id."""
-    asked = st.query_params.get("aggregate", "")
-    known = _named(target)
+    asked = choosing.asked_ids("aggregate")[:1]
+    known = choosing.named(target, asked)
     if not known:
         st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
         return None
-    if asked.isdecimal():
-        if int(asked) not in known:  # too old for the list
-            known |= _named(target, f"aggregate_id={asked}") or {int(asked): f"aggregate {asked}"}
-        st.session_state.setdefault(CHOSEN, int(asked))
+    for key in asked:
+        st.session_state.setdefault(CHOSEN, key)
     chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
     st.query_params["aggregate"] = str(chosen)
     return chosen
-
-
-def _named(target: Store, *where: str) -> dict[int, str]:
-    """Return the newest aggregates by their ids."""
-    names = ["aggregate_id", "aggregate", "delivery"]
-    _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
-    return {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
 
 
 def _result(known: Explained) -> None:
@@ -89,7 +78,9 @@ def _result(known: Explained) -> None:
 def _ask(target: Store, chosen: int) -> None:
     """Offer to wish for a calibration."""
     left, right = st.columns([1, 1], vertical_alignment="bottom")
-    method = left.selectbox("Method", WAYS, key="way", help="auto takes the first of the others that reaches the test.")
+    method = left.selectbox(
+        "Method", choosing.WAYS, key="way", help="auto takes the first of the others that reaches the test."
+    )
     if right.button("Calibrate", type="primary", key="calibrate"):
         if refused := experiments.ask_calibration(target, chosen, method):
             st.error(plain(refused))

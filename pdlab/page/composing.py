@@ -7,31 +7,27 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import Composed
+from pdlab.page import choosing
 from pdlab.page.gradings import compare
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
 MIXTURE, OPEN = "mixture", "mixture_to_open"  # keys: the mixture that is shown, one that is to be shown next
-LISTED, LEAST, MOST = 200, 2, 5  # aggregates to choose from; how many a mixture has
+NEW = 0  # in place of a mixture's id: one that is yet to be put together
+PARTS, BASIS = "parts", "basis"
 BASES = ("solid volume", "mass")
 
 
 def show(target: Store) -> None:
     """Draw the form."""
-    names = ["aggregate_id", "aggregate", "delivery"]
-    _, rows = experiments.listed(target, "aggregates", (), names, "-aggregate_id", LISTED)
-    known = {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
-    if len(known) < LEAST:
-        st.info("A mixture takes two aggregates or more. Enter them in 'New aggregate', or run `pdlab demo`.")
+    known = choosing.named(target, st.session_state.get(PARTS, ()))
+    if choosing.are_too_few(known, "A mixture"):
         return
     left, right = st.columns([3, 1])
     name = left.text_input("Name of the mixture", key="mixture_name")
-    basis = right.radio("Shares by", BASES, horizontal=True, key="basis")
-    ids = st.multiselect(
-        "Two to five aggregates", list(known), max_selections=MOST, format_func=known.__getitem__, key="parts"
-    )
-    if len(ids) < LEAST:
-        st.info("Choose two to five aggregates.")
+    basis = right.radio("Shares by", BASES, horizontal=True, key=BASIS)
+    ids = choosing.several(known, PARTS)
+    if not ids:
         return
     shares = _ask_shares(ids, known)
     if shares is None:
@@ -48,11 +44,23 @@ def show(target: Store) -> None:
         compare(composed.gradings, composed.combined)
 
 
+def fill(ids: Sequence[int], shares: Sequence[float]) -> None:
+    """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next."""
+    st.session_state.update({MIXTURE: NEW, PARTS: list(ids), BASIS: BASES[0]})
+    for key, share in zip(ids, shares, strict=True):
+        st.session_state[_place(key, ids)] = f"{100.0 * share:.6g}"
+
+
+def _place(key: int, ids: Sequence[int]) -> str:
+    """Return where an aggregate's share is kept: other aggregates beside it begin with equal shares again."""
+    return f"share_{key}_of_{'_'.join(map(str, ids))}"
+
+
 def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ...] | None:
     """Ask for all shares but the last, which is the rest; return them [-], None where they are not sound."""
     columns, texts = st.columns(len(ids)), list[str]()
     for column, key in zip(columns[:-1], ids, strict=False):
-        place = f"share_{key}_of_{'_'.join(map(str, ids))}"  # other aggregates begin with equal shares again
+        place = _place(key, ids)
         st.session_state.setdefault(place, f"{100.0 / len(ids):.4g}")
         texts.append(column.text_input(f"{plain(known[key])} [%]", key=place))
     read = experiments.read_shares(texts)

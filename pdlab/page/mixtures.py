@@ -7,16 +7,15 @@ import streamlit as st
 
 from pdlab import experiments, report
 from pdlab.errors import UnknownName
-from pdlab.experiments import METHODS, OTHERS, Composed
-from pdlab.page import composing, lab_report, watching
-from pdlab.page.composing import MIXTURE, OPEN
+from pdlab.experiments import Composed
+from pdlab.page import choosing, composing, lab_report, watching
+from pdlab.page.composing import MIXTURE, NEW, OPEN
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
-LISTED, NEW = 200, 0  # mixtures to choose from; in place of an id, the mixture that is yet to be put together
-WAYS = (OTHERS[1], *METHODS, OTHERS[0])  # auto first
+LISTED = 200  # mixtures to choose from
 
 
 def show(target: Store) -> None:
@@ -71,8 +70,9 @@ def _ask(target: Store, chosen: int) -> None:
     """Offer to wish for a prediction."""
     left, right = st.columns([1, 1], vertical_alignment="bottom")
     method = left.selectbox(
-        "Method", WAYS, key="way", help="auto takes for each aggregate the first of the others that reaches its test."
-    )
+        "Method", choosing.WAYS, key="way",
+        help="auto takes for each aggregate the first of the others that reaches its test.",
+    )  # fmt: skip
     if right.button("Predict", type="primary", key="predict"):
         if refused := experiments.ask_prediction(target, chosen, method):
             st.error(plain(refused))

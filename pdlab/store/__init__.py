@@ -51,7 +51,14 @@ from pdlab.store.selects import (
     runs,
     save_run,
 )
-from pdlab.store.sweeps import ended_sweeps, sweeps_by_id, swept, waiting_sweeps
+from pdlab.store.sweeps import (
+    ended_sweeps,
+    measured_blends,
+    newest_sweeps,
+    sweeps_by_id,
+    swept,
+    waiting_sweeps,
+)
 from pdlab.store.wishes import (
     LEASE,
     WAITING,
@@ -125,6 +132,7 @@ __all__ = [
     "last_calibration",
     "last_prediction",
     "list_rows",
+    "measured_blends",
     "migrate",
     "mixtures",
     "mixtures_by_id",
@@ -133,6 +141,7 @@ __all__ = [
     "newest_done",
     "newest_engine",
     "newest_predictions",
+    "newest_sweeps",
     "newest_test",
     "not_newest",
     "open_store",

@@ -4,23 +4,39 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sqlalchemy as sa
-from sqlalchemy.orm import Session, selectinload
+from sqlalchemy.orm import Session, defer, selectinload
 
-from pdlab.models import Sweep, SweepComponent
+from pdlab.models import Mixture, MixtureComponent, PackingTest, Sweep, SweepComponent
 from pdlab.store.selects import ENDED, parts
 from pdlab.store.wishes import WAITING
 
-_SWEEPS = (
+_LISTED = (
     sa.select(Sweep)
     .options(selectinload(Sweep.components).selectinload(SweepComponent.aggregate))
-    .options(selectinload(Sweep.runs), selectinload(Sweep.calibrations))
     .order_by(Sweep.requested_at.desc(), Sweep.id.desc())
 )
+_SWEEPS = _LISTED.options(selectinload(Sweep.runs), selectinload(Sweep.calibrations))
 
 
 def sweeps_by_id(session: Session, ids: Sequence[int]) -> list[Sweep]:
     """Return sweeps with their aggregates and the links to what they rest on."""
     return [row for part in parts(ids) for row in session.scalars(_SWEEPS.where(Sweep.id.in_(part)))]
+
+
+def newest_sweeps(session: Session, most: int) -> list[Sweep]:
+    """Return so many of the sweeps asked for last, the newest first, with their aggregates and without their curves."""
+    return list(session.scalars(_LISTED.options(defer(Sweep.curve)).limit(most)))
+
+
+def measured_blends(session: Session, aggregate_ids: Sequence[int]) -> list[Mixture]:
+    """Return the mixtures of these aggregates alone that have a density test, the oldest first."""
+    part = MixtureComponent
+    inside = sa.select(part.mixture_id).where(part.aggregate_id.in_(aggregate_ids))
+    others = sa.select(part.mixture_id).where(part.mixture_id == Mixture.id, part.aggregate_id.not_in(aggregate_ids))
+    tested = sa.select(PackingTest.id).where(PackingTest.mixture_id == Mixture.id)
+    query = sa.select(Mixture).where(Mixture.id.in_(inside), tested.exists(), ~others.exists()).order_by(Mixture.id)
+    load = selectinload(Mixture.components).selectinload(part.aggregate)
+    return list(session.scalars(query.options(load, selectinload(Mixture.packing_tests))))
 
 
 def swept(row: Sweep) -> list[int]:

@@ -27,6 +27,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from conftest import FormulaRunner  # noqa: E402
 from test_browser import FLAGS, NAMES, free_port  # noqa: E402
+from test_proportions import MixingRunner  # noqa: E402
 
 from pdlab import experiments  # noqa: E402
 from pdlab.experiments import Way  # noqa: E402
@@ -42,6 +43,10 @@ VIEWS = {
     "calibration": "calibration?aggregate=3",
     "out-of-reach": "calibration?aggregate=4",
     "new-aggregate": "new-aggregate?draft=1",
+    "proportions": "proportions?sweep=1",
+    "triangle": "proportions?sweep=2",
+    "profiles": "proportions?sweep=3",
+    "new-sweep": "proportions?aggregates=1,3",
 }
 COLOURS = 96
 SANDS = {
@@ -78,6 +83,9 @@ def fill(target: Store, folder: Path) -> None:
     experiments.calibrate(target, runner, ["Gravel 4/16"], Way("auto"))
     experiments.calibrate(target, runner, ["Sand 0/4"])
     experiments.predict(target, runner)
+    pebbles, mixing = ["pebbles L", "pebbles M", "pebbles F"], MixingRunner(target)
+    for names in (pebbles[::2], pebbles, [*pebbles, "Gravel 4/16"]):
+        experiments.sweep_aggregates(target, mixing, names, Way("auto"))
 
 
 @contextmanager
