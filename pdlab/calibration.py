@@ -8,6 +8,7 @@ the nodes is inverted. This module runs nothing: it says which specimens it need
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -117,7 +118,7 @@ class Curve:
     points: tuple[CurvePoint, ...]
     sought: Sought = DENSITY
 
-    @property
+    @cached_property
     def _deviation(self) -> float:
         """Standard deviation of one run, pooled over the nodes."""
         freedom = sum(point.seeds - 1 for point in self.points)
@@ -130,19 +131,27 @@ class Curve:
 
     def monotone(self) -> np.ndarray:
         """Return the nodes' means, shape (K,), made falling where noise made them rise, or the other way round."""
+        return self._monotone.copy()
+
+    @cached_property
+    def _monotone(self) -> np.ndarray:
         values = [point.mean for point in self.points]
         weights = [float(point.seeds) for point in self.points]
         return np.asarray(isotonic_regression(values, weights=weights, increasing=self.sought.sign > 0).x)
 
-    @property
+    @cached_property
     def _roots(self) -> np.ndarray:
         return np.sqrt([point.value for point in self.points])
+
+    @cached_property
+    def _smooth(self) -> PchipInterpolator:
+        return PchipInterpolator(self._roots, self._monotone)
 
     def at(self, value: float) -> float:
         """Return the value at a coefficient within the nodes: monotone cubic over its root."""
         if len(self.points) == 1:
-            return float(self.monotone()[0])
-        return float(PchipInterpolator(self._roots, self.monotone())(math.sqrt(value)))
+            return float(self._monotone[0])
+        return float(self._smooth(math.sqrt(value)))
 
     def error_at(self, value: float) -> float:
         """Return the standard error of ``at``: the two nodes' around, by their weights, and the interpolation's.
@@ -155,7 +164,7 @@ class Curve:
         right = int(np.clip(np.searchsorted(roots, math.sqrt(value)), 1, roots.size - 1))
         weight = (math.sqrt(value) - roots[right - 1]) / (roots[right] - roots[right - 1])
         nodes = math.hypot(weight * errors[right], (1.0 - weight) * errors[right - 1])
-        straight = float(np.interp(math.sqrt(value), roots, self.monotone()))
+        straight = float(np.interp(math.sqrt(value), roots, self._monotone))
         return math.hypot(nodes, self.at(value) - straight)
 
     def value_at(self, target: float) -> float:
@@ -165,8 +174,7 @@ class Curve:
             return first
         if sign * target >= sign * self.at(last):
             return last
-        smooth = PchipInterpolator(self._roots, self.monotone())
-        root = brentq(lambda x: float(smooth(x)) - target, math.sqrt(first), math.sqrt(last), xtol=1e-9)
+        root = brentq(lambda x: float(self._smooth(x)) - target, math.sqrt(first), math.sqrt(last), xtol=1e-9)
         return float(root) ** 2
 
 

@@ -11,6 +11,8 @@ from pdlab.quantities import label
 
 GAP = 0.07
 """Least distance of two nodes' labels in roots of the coefficient."""
+AIMED, FOUND = {"color": LINES[5], "dash": "dash"}, {"color": INK, "dash": "dot"}
+Shape = dict[str, object]
 
 
 def calibration_curve(known: Explained, curve: DrawnCurve) -> go.Figure:
@@ -44,11 +46,23 @@ def calibration_curve(known: Explained, curve: DrawnCurve) -> go.Figure:
 
 def _add_measured(figure: go.Figure, known: Explained) -> None:
     """Draw what was measured, and where the curve meets it."""
+    shapes, notes = list[Shape](), list[Shape]()
     if known.measured is not None and known.measured_error is not None:
-        figure.add_hrect(known.measured - known.measured_error, known.measured + known.measured_error,
-                         fillcolor=LIMITS, line_width=0)  # fmt: skip
-        figure.add_hline(known.measured, line={"color": LINES[5], "dash": "dash"}, annotation_text="measured")
+        ends = (known.measured - known.measured_error, known.measured + known.measured_error)
+        shapes += [_across(*ends, fillcolor=LIMITS, line_width=0), _across(known.measured, known.measured, line=AIMED)]
+        notes.append({"text": "measured", "x": 1, "xref": "x domain", "xanchor": "right", "y": known.measured,
+                      "yanchor": "bottom", "showarrow": False})  # fmt: skip
     if known.value is not None:
-        ends = [known.value if end is None else end for end in (known.low, known.high)]
-        figure.add_vrect(*(float(np.sqrt(end)) for end in ends), fillcolor=BAND, line_width=0)
-        figure.add_vline(float(np.sqrt(known.value)), line={"color": INK, "dash": "dot"})
+        low, at, high = (float(np.sqrt(known.value if end is None else end)) for end in (known.low, None, known.high))
+        shapes += [_upright(low, high, fillcolor=BAND, line_width=0), _upright(at, at, line=FOUND)]
+    figure.update_layout(shapes=shapes, annotations=notes)
+
+
+def _across(low: float, high: float, **style: object) -> Shape:
+    """Return a band between two values, or a line, over the whole width."""
+    return {"type": "rect", "x0": 0, "x1": 1, "xref": "x domain", "y0": low, "y1": high, **style}
+
+
+def _upright(low: float, high: float, **style: object) -> Shape:
+    """Return the same between two places, over the whole height."""
+    return {"type": "rect", "y0": 0, "y1": 1, "yref": "y domain", "x0": low, "x1": high, **style}

@@ -10,9 +10,9 @@ LIMITS = "rgba(209, 140, 29, 0.20)"
 
 
 def styled(figure: go.Figure, height: int) -> go.Figure:
-    """Set a figure's template, height [px], letters and margins."""
+    """Set a figure's height [px], letters and margins; the page brings its own template, which is much to copy."""
     figure.update_layout(
-        template="plotly_white", height=height, showlegend=False, font={"size": 14},
+        template="none", height=height, showlegend=False, font={"size": 14},
         margin={"l": 10, "r": 10, "t": 20, "b": 10},
     )  # fmt: skip
     return figure

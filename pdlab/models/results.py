@@ -49,6 +49,7 @@ class Run(Base):
         ),
         CheckConstraint("steps >= 0 AND seconds >= 0", name="effort"),
         Index("ix_run_list", *RUN_LIST),
+        Index(None, "engine_version"),
     )
     specimen_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
     specimen: Mapped[str]

@@ -114,6 +114,7 @@ VIEWS = {
     "aggregates": ("", 1),
     "calibration": ("", 1),
     "mixtures": ("?mixture=9990", 1),
+    "proportions": ("", 0),
     "new-aggregate": ("", 0),
 }
 """What stands behind a view's address, and how many charts it draws."""
