@@ -34,6 +34,7 @@ from pdlab.experiments.explaining import (
     waiting_calibration,
 )
 from pdlab.experiments.export import Exported, export_tables
+from pdlab.experiments.first_steps import SHIPPED, FirstSteps, first_steps, load_example
 from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.mixing import (
@@ -76,6 +77,7 @@ __all__ = [
     "METHODS",
     "OTHERS",
     "REFERENCES",
+    "SHIPPED",
     "SIEVE_TEXTS",
     "TEST_TEXTS",
     "AggregateRead",
@@ -93,6 +95,7 @@ __all__ = [
     "Explained",
     "Exported",
     "Facts",
+    "FirstSteps",
     "MethodErrors",
     "PredictionReport",
     "Refreshed",
@@ -131,10 +134,12 @@ __all__ = [
     "entered_of",
     "explain",
     "export_tables",
+    "first_steps",
     "known_runs",
     "list_drafts",
     "listed",
     "load_draft",
+    "load_example",
     "measured_aggregate",
     "mixture_names",
     "predict",

@@ -8,7 +8,7 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.experiments import Summary
 from pdlab.grading import Grading, indices, interpolated_sieves, retained_percents
-from pdlab.page import links
+from pdlab.page import greeting, links
 from pdlab.page.gradings import compare
 from pdlab.page.wording import plain
 from pdlab.quantities import heading
@@ -65,7 +65,7 @@ def _list(target: Store, search: str) -> dict[int, str]:
     names = ["aggregate_id", *COLUMNS]
     _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
     if not rows and not where:
-        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+        greeting.show(target, "The store holds no aggregate yet.")
     elif not rows:
         st.info(plain(f"No aggregate's name holds '{search.strip()}'."))
     else:

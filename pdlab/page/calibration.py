@@ -7,7 +7,7 @@ import streamlit as st
 from pdlab import charts, experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Explained
-from pdlab.page import watching
+from pdlab.page import greeting, watching
 from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
@@ -48,7 +48,7 @@ def _choose(target: Store) -> int | None:
     asked = st.query_params.get("aggregate", "")
     known = _named(target)
     if not known:
-        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+        greeting.show(target, "The store holds no aggregate yet.")
         return None
     if asked.isdecimal():
         if int(asked) not in known:  # too old for the list

@@ -7,11 +7,12 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import Composed
+from pdlab.page import greeting, links
 from pdlab.page.gradings import compare
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
-MIXTURE, OPEN = "mixture", "mixture_to_open"  # keys: the mixture that is shown, one that is to be shown next
+MIXTURE = "mixture"  # the key of the mixture that is shown
 LISTED, LEAST, MOST = 200, 2, 5  # aggregates to choose from; how many a mixture has
 BASES = ("solid volume", "mass")
 
@@ -22,7 +23,7 @@ def show(target: Store) -> None:
     _, rows = experiments.listed(target, "aggregates", (), names, "-aggregate_id", LISTED)
     known = {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
     if len(known) < LEAST:
-        st.info("A mixture takes two aggregates or more. Enter them in 'New aggregate', or run `pdlab demo`.")
+        greeting.show(target, "A mixture takes two aggregates or more.")
         return
     left, right = st.columns([3, 1])
     name = left.text_input("Name of the mixture", key="mixture_name")
@@ -76,7 +77,7 @@ def _save(target: Store, name: str, ids: Sequence[int], shares: Sequence[float],
         st.error("the mixture has no name; enter one")
         return
     try:
-        st.session_state[OPEN] = experiments.register_mixture(target, name, ids, shares, by_mass)
+        st.session_state[links.OPEN] = experiments.register_mixture(target, name, ids, shares, by_mass)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
             st.error(plain(sentence))

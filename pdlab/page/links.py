@@ -9,6 +9,7 @@ from streamlit.navigation.page import StreamlitPage
 from pdlab.page.wording import plain
 
 PAGES, SAID = "pages", "said"
+OPEN = "mixture_to_open"  # the mixture that the view of mixtures is to show next, whatever it showed before
 
 
 def keep(pages: Mapping[str, StreamlitPage]) -> None:
@@ -16,9 +17,9 @@ def keep(pages: Mapping[str, StreamlitPage]) -> None:
     st.session_state[PAGES] = dict(pages)
 
 
-def link(label: str, address: str, **query: str) -> None:
-    """Draw a link to the view at an address, with what stands behind its question mark."""
-    st.page_link(st.session_state[PAGES][address], label=plain(label), query_params=query or None)
+def link(label: str, address: str, sign: str | None = None, **query: str) -> None:
+    """Draw a link to the view at an address, with what stands behind its question mark and a ``sign`` before it."""
+    st.page_link(st.session_state[PAGES][address], label=plain(label), icon=sign, query_params=query or None)
 
 
 def go(address: str, sentence: str = "", **query: str) -> NoReturn:

@@ -9,8 +9,9 @@ from pdlab import experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Composed
 from pdlab.page import composing, watching
-from pdlab.page.composing import MIXTURE, OPEN
+from pdlab.page.composing import MIXTURE
 from pdlab.page.gradings import compare
+from pdlab.page.links import OPEN
 from pdlab.page.prediction import result
 from pdlab.page.wording import plain
 from pdlab.store import Store
