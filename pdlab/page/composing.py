@@ -7,34 +7,34 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import Composed
-from pdlab.page import greeting, links
+from pdlab.page import greeting, links, unsaved
 from pdlab.page.gradings import compare
+from pdlab.page.unsaved import BASES, BASIS, NAME, PARTS
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
 MIXTURE = "mixture"  # the key of the mixture that is shown
 LISTED, LEAST, MOST = 200, 2, 5  # aggregates to choose from; how many a mixture has
-BASES = ("solid volume", "mass")
 
 
 def show(target: Store) -> None:
     """Draw the form."""
-    names = ["aggregate_id", "aggregate", "delivery"]
-    _, rows = experiments.listed(target, "aggregates", (), names, "-aggregate_id", LISTED)
-    known = {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
+    known = _named(target)
     if len(known) < LEAST:
         greeting.show(target, "A mixture takes two aggregates or more.")
         return
+    unsaved.restore(MOST)
+    known |= _others(target, known)
     left, right = st.columns([3, 1])
-    name = left.text_input("Name of the mixture", key="mixture_name")
-    basis = right.radio("Shares by", BASES, horizontal=True, key="basis")
+    name = left.text_input("Name of the mixture", key=NAME)
+    basis = right.radio("Shares by", BASES, horizontal=True, key=BASIS)
     ids = st.multiselect(
-        "Two to five aggregates", list(known), max_selections=MOST, format_func=known.__getitem__, key="parts"
+        "Two to five aggregates", list(known), max_selections=MOST, format_func=known.__getitem__, key=PARTS
     )
+    shares = _ask_shares(ids, known) if len(ids) >= LEAST else None
+    unsaved.keep()
     if len(ids) < LEAST:
         st.info("Choose two to five aggregates.")
-        return
-    shares = _ask_shares(ids, known)
     if shares is None:
         return
     try:
@@ -49,13 +49,32 @@ def show(target: Store) -> None:
         compare(composed.gradings, composed.combined)
 
 
+def _named(target: Store, *where: str) -> dict[int, str]:
+    """Return the newest aggregates by their ids."""
+    names = ["aggregate_id", "aggregate", "delivery"]
+    _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
+    return {int(row[0]): f"{row[1]} {row[2]}".strip() for row in rows}
+
+
+def _others(target: Store, known: Mapping[int, str]) -> dict[int, str]:
+    """Return the chosen aggregates that are too old for the list; those that are not there are chosen no more."""
+    found = dict[int, str]()
+    for key in st.session_state[PARTS]:
+        found |= {} if key in known else _named(target, f"aggregate_id={key}")
+    gone = [key for key in st.session_state[PARTS] if key not in {**known, **found}]
+    if gone:
+        st.warning(plain(f"The store holds no aggregate {', '.join(map(str, gone))}; choose others."))
+        st.session_state[PARTS] = [key for key in st.session_state[PARTS] if key not in gone]
+    return found
+
+
 def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ...] | None:
     """Ask for all shares but the last, which is the rest; return them [-], None where they are not sound."""
     columns, texts = st.columns(len(ids)), list[str]()
-    for column, key in zip(columns[:-1], ids, strict=False):
-        place = f"share_{key}_of_{'_'.join(map(str, ids))}"  # other aggregates begin with equal shares again
+    for k, column in enumerate(columns[:-1]):
+        place = unsaved.share_key(k, ids)
         st.session_state.setdefault(place, f"{100.0 / len(ids):.4g}")
-        texts.append(column.text_input(f"{plain(known[key])} [%]", key=place))
+        texts.append(column.text_input(f"{plain(known[ids[k]])} [%]", key=place))
     read = experiments.read_shares(texts)
     columns[-1].metric(f"{plain(known[ids[-1]])}: the rest [%]", "?" if read.rest is None else f"{read.rest:.4g}")
     for column, sentence in zip(columns, read.wrong, strict=True):
@@ -82,4 +101,5 @@ def _save(target: Store, name: str, ids: Sequence[int], shares: Sequence[float],
         for sentence in experiments.sentences(error):
             st.error(plain(sentence))
         return
+    unsaved.put_away(saved=True)
     st.rerun()

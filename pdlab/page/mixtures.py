@@ -8,7 +8,7 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Composed
-from pdlab.page import composing, watching
+from pdlab.page import composing, unsaved, watching
 from pdlab.page.composing import MIXTURE
 from pdlab.page.gradings import compare
 from pdlab.page.links import OPEN
@@ -53,6 +53,7 @@ def _choose(target: Store) -> int:
     chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)
     if chosen != NEW:
         st.query_params["mixture"] = str(chosen)
+        unsaved.put_away()
     elif "mixture" in st.query_params:
         del st.query_params["mixture"]
     return chosen
