@@ -57,7 +57,7 @@ from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.sweeps import SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
-from pdlab.experiments.waiting import Waiting
+from pdlab.experiments.waiting import Pace, Waiting
 from pdlab.experiments.ways import METHODS, OTHERS, Way
 from pdlab.experiments.wishes import (
     Asked,
@@ -97,6 +97,7 @@ __all__ = [
     "Facts",
     "FirstSteps",
     "MethodErrors",
+    "Pace",
     "PredictionReport",
     "Refreshed",
     "Registered",
