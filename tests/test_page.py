@@ -93,6 +93,14 @@ def stored(lab: Store) -> list[str]:
         return [row.name for row in store_module.aggregates(session)]
 
 
+def test_a_value_that_is_missing_is_no_none_in_the_list_of_aggregates(lab: Store, tmp_path: Path) -> None:
+    (tmp_path / "aggregates.csv").write_text("name\nbare\n")
+    experiments.register(lab, read_path(tmp_path / "aggregates.csv"))
+    (shelf,) = page("aggregates").dataframe
+    assert shelf.value.iloc[0].isna().any()
+    assert shelf.proto.placeholder == "–"
+
+
 def test_nothing_stands_on_the_page_by_itself(lab: Store) -> None:
     experiments.register(lab, read_path(SHIPPED))
     assert not page().markdown, "such as a constant's docstring"

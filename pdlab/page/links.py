@@ -9,6 +9,7 @@ from streamlit.navigation.page import StreamlitPage
 from pdlab.page.wording import plain
 
 PAGES, SAID = "pages", "said"
+DIGITS = 9  # of an id at most: what a database takes as one
 OPEN = "mixture_to_open"  # the mixture that the view of mixtures is to show next, whatever it showed before
 
 
@@ -20,6 +21,11 @@ def keep(pages: Mapping[str, StreamlitPage]) -> None:
 def link(label: str, address: str, sign: str | None = None, **query: str) -> None:
     """Draw a link to the view at an address, with what stands behind its question mark and a ``sign`` before it."""
     st.page_link(st.session_state[PAGES][address], label=plain(label), icon=sign, query_params=query or None)
+
+
+def number(text: str) -> int | None:
+    """Return the id that a text of the address is, None where it can be none that a store holds."""
+    return int(text) if text.isdecimal() and len(text) <= DIGITS else None
 
 
 def go(address: str, sentence: str = "", **query: str) -> NoReturn:
