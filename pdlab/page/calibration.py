@@ -7,7 +7,7 @@ import streamlit as st
 from pdlab import charts, experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Explained
-from pdlab.page import greeting, watching
+from pdlab.page import greeting, links, watching
 from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
@@ -50,10 +50,12 @@ def _choose(target: Store) -> int | None:
     if not known:
         greeting.show(target, "The store holds no aggregate yet.")
         return None
-    if asked.isdecimal():
-        if int(asked) not in known:  # too old for the list
-            known |= _named(target, f"aggregate_id={asked}") or {int(asked): f"aggregate {asked}"}
-        st.session_state.setdefault(CHOSEN, int(asked))
+    if (wanted := links.number(asked)) is not None:
+        if wanted not in known:  # too old for the list
+            known |= _named(target, f"aggregate_id={wanted}") or {wanted: f"aggregate {wanted}"}
+        st.session_state.setdefault(CHOSEN, wanted)
+    elif asked:
+        st.warning(plain(f"'{asked}' in the address is no aggregate; choose one."))
     chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
     st.query_params["aggregate"] = str(chosen)
     return chosen

@@ -8,10 +8,9 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.errors import UnknownName
 from pdlab.experiments import METHODS, OTHERS, Composed
-from pdlab.page import composing, unsaved, watching
+from pdlab.page import composing, links, unsaved, watching
 from pdlab.page.composing import MIXTURE
 from pdlab.page.gradings import compare
-from pdlab.page.links import OPEN
 from pdlab.page.prediction import result
 from pdlab.page.wording import plain
 from pdlab.store import Store
@@ -43,11 +42,13 @@ def show(target: Store) -> None:
 def _choose(target: Store) -> int:
     """Ask for a mixture, the one of the address first; return its id, or that a new one is wanted."""
     known = {NEW: "a new mixture"} | experiments.mixture_names(target, LISTED)
-    if OPEN in st.session_state:  # one that was saved a moment ago
-        st.session_state[MIXTURE] = st.session_state.pop(OPEN)
+    if links.OPEN in st.session_state:  # one that was saved a moment ago
+        st.session_state[MIXTURE] = st.session_state.pop(links.OPEN)
     asked = st.query_params.get("mixture", "")
-    if asked.isdecimal():
-        st.session_state.setdefault(MIXTURE, int(asked))
+    if (wanted := links.number(asked)) is not None:
+        st.session_state.setdefault(MIXTURE, wanted)
+    elif asked:
+        st.warning(plain(f"'{asked}' in the address is no mixture; choose one."))
     if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"mixture {kept}"
     chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import streamlit as st
 
+from pdlab.page import links
 from pdlab.page.wording import plain
 
 PARTS, NAME, BASIS = "parts", "mixture_name", "basis"  # keys of the form
@@ -48,7 +49,7 @@ def restore(most: int) -> None:
 
 def _ids(text: str, most: int) -> list[int]:
     words = [word.strip() for word in text.split(",") if word.strip()]
-    ids = list(dict.fromkeys(int(word) for word in words if word.isdecimal()))
+    ids = list(dict.fromkeys(key for key in map(links.number, words) if key is not None))
     if len(ids) != len(words) or len(ids) > most:
         st.warning(plain(f"'{text}' in the address names no aggregates of a mixture; choose two to {most} of them"))
         return []
