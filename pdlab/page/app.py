@@ -7,7 +7,7 @@ import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
 from pdlab import store
-from pdlab.errors import InputError, PdlabError
+from pdlab.errors import InputError, PdlabError, StoreError
 from pdlab.page import aggregates, calibration, links, mixtures, new_aggregate, predicted_vs_measured, signing_in
 from pdlab.page.wording import plain
 from pdlab.store import Store
@@ -23,8 +23,20 @@ VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
 
 
 @st.cache_resource
-def _open(url: str) -> Store:
-    return store.open_store(url)
+def _open(url: str) -> tuple[Store, tuple[int, ...] | None]:
+    return store.open_store(url), store.identity(url)
+
+
+def _store() -> Store:
+    """Return the open store. Raises StoreError, where its file is not the one that was opened too."""
+    url = store.store_url(None)
+    opened, file = _open(url)
+    if store.identity(url) != file:
+        raise StoreError(
+            f"the file of {opened.url} was moved, deleted or replaced while the page was open; put that file back, or "
+            "end the page and start it anew"
+        )
+    return opened
 
 
 def main() -> None:
@@ -33,7 +45,7 @@ def main() -> None:
     target, refused = None, ""
     try:
         if signing_in.is_admitted():
-            target = _open(store.store_url(None))
+            target = _store()
     except InputError as error:
         refused = str(error)
     pages = {address: _page(address, target, refused) for address in VIEWS}

@@ -86,7 +86,8 @@ def _offer_drafts(target: Store) -> None:
         with first:
             links.link(f"Continue the draft: {name}, {draft.saved_at:%Y-%m-%d %H:%M} UTC", "new-aggregate",
                        draft=str(draft.id))  # fmt: skip
-        second.button("Discard", key=f"discard_{draft.id}", on_click=experiments.delete_draft, args=(target, draft.id))
+        second.button("Discard", key=f"discard_{draft.id}", on_click=links.attempt,
+                      args=(experiments.delete_draft, target, draft.id))  # fmt: skip
 
 
 def _material() -> dict[str, str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import streamlit as st
 
 from pdlab import experiments
+from pdlab.errors import PdlabError
 from pdlab.experiments import Pace, Waiting
 from pdlab.page.wording import plain
 from pdlab.store import Store
@@ -30,7 +31,11 @@ def watch(target: Store, waiting: Waiting, look: Look) -> None:
 
 @st.fragment(run_every=TICK)
 def _progress(look: Look) -> None:
-    waiting = look()
+    try:
+        waiting = look()
+    except PdlabError as error:  # a look alone runs past what draws the view
+        st.error(plain(str(error)))
+        return
     if waiting is None:
         st.rerun()
     said = "queued: it begins when a runner takes it up" if waiting.state == "queued" else "running"
