@@ -101,6 +101,18 @@ def test_a_value_that_is_missing_is_no_none_in_the_list_of_aggregates(lab: Store
     assert shelf.proto.placeholder == "–"
 
 
+def test_a_density_tests_value_has_the_unit_of_what_was_measured_and_keeps_what_is_typed(lab: Store) -> None:
+    app = type_in(form(), value="39,5")
+    units = []
+    for kind in ("bulk_density_kg_m3", "voids_percent", "packing_density"):
+        app.selectbox(key="test_0_kind").set_value(kind).run()
+        assert app.text_input(key="test_0_value").value == "39,5"
+        units.append((app.text_input(key="test_0_value").label, app.text_input(key="test_0_standard_deviation").label))
+    assert units == [
+        ("Value [kg/m³]", "Deviation [kg/m³]"), ("Value [%]", "Deviation [%]"), ("Value", "Deviation"),
+    ]  # fmt: skip
+
+
 def test_nothing_stands_on_the_page_by_itself(lab: Store) -> None:
     experiments.register(lab, read_path(SHIPPED))
     assert not page().markdown, "such as a constant's docstring"

@@ -105,7 +105,7 @@ def _compare(gradings: Mapping[str, Grading]) -> None:
 
 
 def _indices(gradings: Mapping[str, Grading]) -> None:
-    st.subheader("Indices")
+    st.subheader("Indices", anchor=False)
     found = {
         name: {heading(index): f"{value:.3g}" for index, value in indices(one).items()}
         for name, one in gradings.items()
@@ -120,7 +120,7 @@ def _indices(gradings: Mapping[str, Grading]) -> None:
 
 
 def _retained(gradings: Mapping[str, Grading]) -> None:
-    st.subheader("Retained [%]")
+    st.subheader("Retained [%]", anchor=False)
     columns = {
         plain(name): dict(zip(_sieves(one), retained_percents(one), strict=True)) for name, one in gradings.items()
     }

@@ -67,7 +67,7 @@ def _draw(title: str, show: Callable[[Store], None], target: Store | None, refus
         signing_in.ask()
         return
     signing_in.say()
-    st.title(title)
+    st.title(title, anchor=False)
     links.said()
     try:
         show(target)

@@ -73,11 +73,13 @@ def _result(known: Explained) -> None:
     if known.message:
         st.warning(plain(known.message))
     if known.value is not None and known.curve is not None:
-        first, second, third = st.columns(3)
-        first.metric(begun(label(known.curve.coefficient)), f"{known.value:.4f}")
-        ends = ["beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high)]
-        second.metric("Its interval", " to ".join(ends))
-        third.metric(
+        first, second = st.columns(2)
+        low, high = ("beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high))
+        first.metric(
+            begun(label(known.curve.coefficient)), f"{known.value:.4f}", f"its interval: {low} to {high}",
+            delta_color="off", delta_arrow="off",
+        )  # fmt: skip
+        second.metric(
             begun(label(known.curve.sought)) + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
         )
     if known.method:

@@ -74,7 +74,8 @@ def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ..
     for k, column in enumerate(columns[:-1]):
         place = unsaved.share_key(k, ids)
         st.session_state.setdefault(place, f"{100.0 / len(ids):.4g}")
-        texts.append(column.text_input(f"{plain(known[ids[k]])} [%]", key=place))
+        column.caption(f"{plain(known[ids[k]])} [%]")  # a label would be read aloud with what plain puts in
+        texts.append(column.text_input(f"{known[ids[k]]} [%]", key=place, label_visibility="collapsed"))
     read = experiments.read_shares(texts)
     columns[-1].metric(f"{plain(known[ids[-1]])}: the rest [%]", "?" if read.rest is None else f"{read.rest:.4g}")
     for column, sentence in zip(columns, read.wrong, strict=True):

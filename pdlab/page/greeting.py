@@ -24,7 +24,7 @@ def show(target: Store, lacking: str = "The store holds no mixture yet.") -> Non
         "at which each aggregate's own density test comes out as it was measured."
     )
     done = experiments.first_steps(target)
-    st.subheader("First steps")
+    st.subheader("First steps", anchor=False)
     for is_done, (words, address) in zip(done, STEPS, strict=True):
         links.link(f"{words} (done)" if is_done else words, address, DONE if is_done else AHEAD)
     if not done.aggregate:
@@ -33,7 +33,7 @@ def show(target: Store, lacking: str = "The store holds no mixture yet.") -> Non
 
 def _offer_example(target: Store) -> None:
     """Offer the measurements that come with pdlab, so that a first prediction needs nothing typed."""
-    st.subheader("Or look at an example first")
+    st.subheader("Or look at an example first", anchor=False)
     st.markdown(
         "R. Feret's round pebbles: three fractions, and three mixtures of them whose packing density was measured. "
         "They come with pdlab; this puts them into the store as an import would. In a terminal, `pdlab demo` uses a "

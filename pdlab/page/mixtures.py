@@ -84,7 +84,7 @@ def _ask(target: Store, chosen: int) -> None:
 
 def _parts(composed: Composed) -> None:
     """Show what a mixture is made of, and its grading."""
-    st.subheader("Aggregates and grading")
+    st.subheader("Aggregates and grading", anchor=False)
     columns = {"by solid volume [%]": composed.shares}
     if composed.mass_shares is not None:
         columns["by mass [%]"] = composed.mass_shares

@@ -31,10 +31,10 @@ def show(target: Store) -> None:
     texts = _material()
     left, right = st.columns(2, gap="medium")
     with left:
-        st.subheader("Sieve analysis")
+        st.subheader("Sieve analysis", anchor=False)
         texts |= sieve_table.ask_texts()
         sieves = sieve_table.ask_table()
-    st.subheader("Density tests")
+    st.subheader("Density tests", anchor=False)
     boxes = density_tests.boxes()
     tests = [density_tests.ask(box, k) for k, box in enumerate(boxes)]
     st.button("Add a density test", on_click=density_tests.add, key="add_test")
@@ -110,7 +110,7 @@ def _material() -> dict[str, str]:
 
 def _grading(read: SievesRead, kind: str) -> None:
     """Show what a sieve table says, its errors beside their rows."""
-    st.subheader("Grading")
+    st.subheader("Grading", anchor=False)
     if not read.rows:
         st.caption("The grading curve is drawn here while you type.")
         return

@@ -36,7 +36,7 @@ def is_admitted() -> bool:
 
 def ask() -> None:
     """Offer to sign in, and show nothing else."""
-    st.title("pdlab")
+    st.title("pdlab", anchor=False)
     st.markdown("Sign in to see the laboratory's aggregates and mixtures.")
     for name in providers(_section() or {}):
         words = "Sign in" if name is None else f"Sign in with {name}"
