@@ -236,3 +236,14 @@ def test_a_further_test_of_an_aggregate_that_is_not_there_is_a_sentence(lab: Sto
     said = [warning.value.replace("\\", "") for warning in app.warning]
     assert said == [f"no aggregate {address} is there. This is a new one."]
     assert app.text_input(key="name").value == ""
+
+
+def test_what_is_typed_before_the_browser_hears_of_the_draft_goes_into_it(lab: Store) -> None:
+    app = type_in(form(), name="Kies")
+    number = app.query_params.pop("draft")  # the next texts were sent with the address as it was
+    type_in(app, source="Rhine")
+    assert (app.text_input(key="name").value, app.query_params["draft"]) == ("Kies", number)
+    (draft,) = experiments.list_drafts(lab, "aggregate")
+    assert [draft.content["texts"][name] for name in ("name", "source")] == ["Kies", "Rhine"]
+    app.query_params.pop("draft")  # now the browser knows it, so that this is a new form
+    assert app.run().text_input(key="name").value == ""

@@ -68,7 +68,8 @@ def _draw(title: str, show: Callable[[Store], None], target: Store | None, refus
         return
     signing_in.say()
     st.title(title, anchor=False)
-    links.said()
+    with st.container():
+        links.said()
     try:
         show(target)
     except PdlabError as error:  # such as a database that does not answer now

@@ -18,16 +18,18 @@ KIND = "aggregate"
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
 OPEN, KEPT = "open_draft", "kept_content"  # the id of the draft that stands in the form, and what is kept of it
 AGAIN = "aggregate"  # in the address and the session: the id of one of which a further test is entered
+UNTOLD = "draft_untold"  # whether the address of the open draft was set in the last run
 SHOWN = 5  # drafts that are offered to be continued
 
 
 def show(target: Store) -> None:
     """Draw the view."""
     _open(target)
-    if st.session_state[AGAIN]:
-        st.info("Enter a sieve analysis, a density test or both below: they are added to this aggregate.")
-    elif not st.session_state[OPEN]:
-        _offer_drafts(target)
+    with st.container():  # what comes and goes here leaves the grid below in its place, and the cell that is typed in
+        if st.session_state[AGAIN]:
+            st.info("Enter a sieve analysis, a density test or both below: they are added to this aggregate.")
+        elif not st.session_state[OPEN]:
+            _offer_drafts(target)
     texts = _material()
     left, right = st.columns(2, gap="medium")
     with left:
@@ -55,6 +57,10 @@ def _open(target: Store) -> None:
     """Put the draft of the address into the form, or the aggregate of which it wants a further test, or nothing."""
     wanted, again = st.query_params.get("draft", ""), st.query_params.get(AGAIN, "")
     is_there = "name" in st.session_state  # texts go where a view is left
+    if is_there and not wanted and st.session_state.get(UNTOLD):  # sent before the browser heard of the draft
+        st.query_params["draft"] = wanted = st.session_state[OPEN]
+        again = ""
+    st.session_state[UNTOLD] = False
     if is_there and (st.session_state.get(OPEN), st.session_state.get(AGAIN)) == (wanted, again):
         return
     entered = EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), ""))
@@ -158,6 +164,7 @@ def _keep(target: Store, entered: EnteredAggregate) -> None:
         return
     number = str(experiments.save_draft(target, KIND, entered.content(), int(number) if number else None))
     st.session_state[OPEN], st.session_state[AGAIN], st.session_state[KEPT] = number, "", content
+    st.session_state[UNTOLD] = st.query_params.get("draft") != number
     st.query_params["draft"] = number
     st.query_params.pop(AGAIN, None)
 
