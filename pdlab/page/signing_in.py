@@ -48,7 +48,7 @@ def say() -> None:
     if not st.user.get("is_logged_in", False):
         return
     with st.container(horizontal=True, horizontal_alignment="right", vertical_alignment="center"):
-        st.caption(f"Signed in as {plain(who())}", width="content")
+        st.text(f"Signed in as {who()}", width="content")  # as Markdown an address would be a link
         st.button("Sign out", on_click=st.logout, key="sign_out", type="tertiary")
 
 
