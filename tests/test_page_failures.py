@@ -71,11 +71,11 @@ def test_what_cannot_be_written_is_a_sentence(stocked: Store, action: str, monke
     assert REFUSED in errors(act(app))
 
 
-@pytest.mark.parametrize("address", VIEWS)
-def test_what_cannot_be_read_is_a_sentence(stocked: Store, address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    app = view(address)
+def test_what_cannot_be_read_is_a_sentence_on_every_view(stocked: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    views = [view(address) for address in VIEWS]
     monkeypatch.setattr(Store, "read", refusing)
-    assert REFUSED in errors(app.run())
+    for app in views:
+        assert REFUSED in errors(app.run())
 
 
 def test_a_look_at_a_wish_that_fails_leaves_the_view_as_it_is(stocked: Store, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,11 +90,8 @@ def test_a_look_at_a_wish_that_fails_leaves_the_view_as_it_is(stocked: Store, mo
     assert len(app.table) > 0
 
 
-@pytest.mark.parametrize("address", VIEWS)
-def test_a_store_file_that_is_gone_is_a_sentence_and_none_is_made_in_its_place(
-    stocked: Store, tmp_path: Path, address: str
-) -> None:
-    app = view(address)
+def test_a_store_file_that_is_gone_is_a_sentence_and_none_is_made_in_its_place(stocked: Store, tmp_path: Path) -> None:
+    app = view("mixtures")
     file = tmp_path / "lab.db"
     file.rename(tmp_path / "away.db")
     (sentence,) = errors(app.run())
@@ -112,13 +109,12 @@ def test_another_store_file_in_its_place_is_a_sentence(stocked: Store, tmp_path:
     assert "or end the page and start it anew" in sentence
 
 
-@pytest.mark.parametrize("address", VIEWS)
 def test_a_store_of_an_older_revision_is_a_sentence(
-    old_store: Callable[[str], Path], address: str, monkeypatch: pytest.MonkeyPatch
+    old_store: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PDLAB_STORE", str(old_store("0001")))
     st.cache_resource.clear()
-    (sentence,) = errors(view(address))
+    (sentence,) = errors(view("mixtures"))
     assert "pdlab db upgrade" in sentence
 
 
