@@ -23,6 +23,7 @@ from pdlab.calibration import METHOD, SEEDS
 from pdlab.comparison import CONFIDENCE, SEED
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import (
+    SHIPPED,
     CalibrationReport,
     Compared,
     Corrected,
@@ -40,9 +41,6 @@ from pdlab.frames import PREDICTION_COLUMNS, comparison_frame, prediction_frame,
 from pdlab.grading import DEFAULT_RULE
 from pdlab.specimen import from_canonical
 from pdlab.sweep import WISHED_ERROR
-
-SHIPPED = Path(__file__).parent / "data" / "feret_pebbles"
-"""Feret's round pebbles in the table format, with their source in the folder above."""
 
 Texts = str | Iterable[str]
 

@@ -128,7 +128,7 @@ def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(
     type_cell(page, 1, 1, "120,5")
     diameter = re.compile(r"Equivalent diameter by the rule log_mean: \d+")
     expect(page.get_by_text(diameter)).to_be_visible(timeout=20_000)
-    page.get_by_label("Value", exact=True).fill("1560,5")
+    page.get_by_label("Value [kg/m³]", exact=True).fill("1560,5")
     page.get_by_role("textbox", name="Particle density").fill("2601")
     page.get_by_role("textbox", name="Particle density").press("Enter")
     expect(page.get_by_text("0.6000 ±")).to_be_visible(timeout=20_000)

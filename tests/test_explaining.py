@@ -135,7 +135,7 @@ def test_the_page_shows_the_coefficient_with_its_interval(lab: Store) -> None:
     app = view(report.aggregate_id)
     assert report.result is not None
     assert app.metric[0].value == f"{report.result.value:.4f}"
-    assert app.metric[1].value == f"{report.result.low:.4f} to {report.result.high:.4f}"
+    assert app.metric[0].delta == f"its interval: {report.result.low:.4f} to {report.result.high:.4f}"
     assert "monosized" in app.markdown[0].value
 
 

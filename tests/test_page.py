@@ -93,10 +93,29 @@ def stored(lab: Store) -> list[str]:
         return [row.name for row in store_module.aggregates(session)]
 
 
-def test_an_empty_store_greets_with_the_first_step(lab: Store) -> None:
-    app = page()
-    assert not app.markdown, "what stands on the page by itself, such as a constant's docstring"
-    assert any("pdlab demo" in info.value for info in app.info)
+def test_a_value_that_is_missing_is_no_none_in_the_list_of_aggregates(lab: Store, tmp_path: Path) -> None:
+    (tmp_path / "aggregates.csv").write_text("name\nbare\n")
+    experiments.register(lab, read_path(tmp_path / "aggregates.csv"))
+    (shelf,) = page("aggregates").dataframe
+    assert shelf.value.iloc[0].isna().any()
+    assert shelf.proto.placeholder == "–"
+
+
+def test_a_density_tests_value_has_the_unit_of_what_was_measured_and_keeps_what_is_typed(lab: Store) -> None:
+    app = type_in(form(), value="39,5")
+    units = []
+    for kind in ("bulk_density_kg_m3", "voids_percent", "packing_density"):
+        app.selectbox(key="test_0_kind").set_value(kind).run()
+        assert app.text_input(key="test_0_value").value == "39,5"
+        units.append((app.text_input(key="test_0_value").label, app.text_input(key="test_0_standard_deviation").label))
+    assert units == [
+        ("Value [kg/m³]", "Deviation [kg/m³]"), ("Value [%]", "Deviation [%]"), ("Value", "Deviation"),
+    ]  # fmt: skip
+
+
+def test_nothing_stands_on_the_page_by_itself(lab: Store) -> None:
+    experiments.register(lab, read_path(SHIPPED))
+    assert not page().markdown, "such as a constant's docstring"
 
 
 @pytest.mark.parametrize("script", [PAGE, Path(__file__).parent.parent / "app.py"], ids=["pdlab serve", "app.py"])

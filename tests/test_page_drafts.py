@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 from openpyxl import Workbook
+from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
-from test_page import form, lab, plain, save, stored, type_in
+from test_page import PAGE, form, lab, plain, save, stored, type_in
 
 from pdlab import experiments
 from pdlab import store as store_module
@@ -13,7 +14,7 @@ from pdlab.errors import TableError, UnknownName
 from pdlab.grading import SIEVE_SETS
 from pdlab.page import sieve_table
 from pdlab.store import Store
-from pdlab.tables import read_sieve_file
+from pdlab.tables import read_path, read_sieve_file
 
 __all__ = ["lab"]
 
@@ -183,3 +184,66 @@ def test_drafts_are_kept_on_both_databases(store: Store) -> None:
     experiments.delete_draft(store, first)
     experiments.delete_draft(store, first)
     assert experiments.list_drafts(store, "aggregate") == []
+
+
+def again(lab: Store, aggregate: str) -> AppTest:
+    app = AppTest.from_file(str(PAGE), default_timeout=60)
+    app._page_hash = calc_hash("new-aggregate")
+    app.query_params["aggregate"] = aggregate
+    app.run()
+    assert not app.exception
+    return app
+
+
+def test_a_further_test_of_an_aggregate_is_entered_with_the_aggregate_filled_in(lab: Store, tmp_path: Path) -> None:
+    (tmp_path / "aggregates.csv").write_text(
+        "name,delivery,particle_density_kg_m3,density_basis,water_absorption_percent,source\n"
+        "Kies,spring,2650.5,ssd,1.25,Rhine\n"
+    )
+    (tmp_path / "sieves.csv").write_text("aggregate,delivery,aperture_mm,passing_percent\nKies,spring,16,100\n"
+                                         "Kies,spring,8,0\n")  # fmt: skip
+    experiments.register(lab, read_path(tmp_path))
+    app = again(lab, "1")
+    keys = ("name", "delivery", "particle_density_kg_m3", "water_absorption_percent", "source")
+    assert [app.text_input(key=key).value for key in keys] == ["Kies", "spring", "2650.5", "1.25", "Rhine"]
+    assert (app.selectbox(key="density_basis").value, rows(app)) == ("ssd", [])
+    assert (experiments.list_drafts(lab, "aggregate"), dict(app.query_params)) == ([], {"aggregate": "1"})
+    type_in(app, value="1560,5")
+    assert [draft.id for draft in experiments.list_drafts(lab, "aggregate")] == [int(app.query_params["draft"])]
+    assert "aggregate" not in app.query_params
+    save(app)
+    with lab.read() as session:
+        (row,) = store_module.aggregates(session)
+        assert ([test.bulk_density_kg_m3 for test in row.packing_tests], len(row.sieve_analyses)) == ([1560.5], 1)
+        assert (row.particle_density_kg_m3, row.density_basis, row.version) == (2650.5, "ssd", 1)
+
+
+def test_another_address_of_the_same_view_puts_another_form_there(lab: Store, tmp_path: Path) -> None:
+    (tmp_path / "aggregates.csv").write_text("name\nKies\nSand\n")
+    experiments.register(lab, read_path(tmp_path / "aggregates.csv"))
+    app = again(lab, "2")
+    assert app.text_input(key="name").value == "Sand"
+    for address, name in (("1", "Kies"), ("", "")):
+        app.query_params.pop("aggregate")
+        if address:
+            app.query_params["aggregate"] = address
+        assert app.run().text_input(key="name").value == name
+
+
+@pytest.mark.parametrize("address", ["9", "-1", "one", "9" * 5000])
+def test_a_further_test_of_an_aggregate_that_is_not_there_is_a_sentence(lab: Store, address: str) -> None:
+    app = again(lab, address)
+    said = [warning.value.replace("\\", "") for warning in app.warning]
+    assert said == [f"no aggregate {address} is there. This is a new one."]
+    assert app.text_input(key="name").value == ""
+
+
+def test_what_is_typed_before_the_browser_hears_of_the_draft_goes_into_it(lab: Store) -> None:
+    app = type_in(form(), name="Kies")
+    number = app.query_params.pop("draft")  # the next texts were sent with the address as it was
+    type_in(app, source="Rhine")
+    assert (app.text_input(key="name").value, app.query_params["draft"]) == ("Kies", number)
+    (draft,) = experiments.list_drafts(lab, "aggregate")
+    assert [draft.content["texts"][name] for name in ("name", "source")] == ["Kies", "Rhine"]
+    app.query_params.pop("draft")  # now the browser knows it, so that this is a new form
+    assert app.run().text_input(key="name").value == ""

@@ -2,10 +2,13 @@
 
 import datetime as dt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from conftest import FormulaPool, FormulaRunner
+from hypothesis import given
+from hypothesis import strategies as st
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
 from test_mixing import dense, ids, keep_bed, set_wish
@@ -15,9 +18,10 @@ from pdlab import experiments
 from pdlab import store as store_module
 from pdlab.batch.runner import Runner
 from pdlab.batch.working import answer
-from pdlab.experiments import Way
+from pdlab.experiments import Pace, Way
 from pdlab.lab import SHIPPED
 from pdlab.models import now
+from pdlab.page import watching
 from pdlab.page.watching import duration
 from pdlab.store import Store
 from pdlab.tables import read_path
@@ -182,8 +186,40 @@ def test_how_far_a_wish_is_and_how_long_it_takes_is_said(stocked: Store) -> None
     begun = moment - dt.timedelta(minutes=2)
     set_wish(stocked, waiting.key[1], state="running", requested_at=begun, heartbeat=moment, progress=0.4)
     app = view(asked)
-    assert progress(app) == "monosized, running, 40 %, about 3 min left at the pace since it was asked for"
+    assert progress(app) == "monosized, running, 40 %, at most 3 min left"
     assert not any("No runner" in text for text in said(app))
+
+
+def test_time_left_is_that_of_the_work_and_not_of_the_queue(stocked: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = mixture(stocked)
+    experiments.ask_prediction(stocked, asked, "monosized")
+    waiting = experiments.waiting_prediction(stocked, asked)
+    assert waiting is not None
+    clock = iter([100.0, 110.0, 130.0])
+    monkeypatch.setattr(watching, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    begun = now() - dt.timedelta(hours=5)
+    app, seen = AppTest.from_file(str(PAGE), default_timeout=60), list[str]()
+    app._page_hash = calc_hash("mixtures")
+    app.query_params["mixture"] = str(asked)
+    for share in (0.1, 0.2, 0.4):
+        set_wish(stocked, waiting.key[1], state="running", requested_at=begun, heartbeat=now(), progress=share)
+        seen.append(progress(ran(app)))
+    assert seen == [
+        "monosized, running, 10 %, at most 45.0 h left",
+        "monosized, running, 20 %, at most 20.0 h left",
+        "monosized, running, 40 %, about 1 min left",
+    ]
+
+
+@given(st.lists(st.floats(0.01, 0.2), min_size=3, max_size=8), st.floats(0.5, 500.0))
+def test_a_steady_pace_tells_what_is_left_and_one_that_falls_back_begins_anew(steps: list[float], slow: float) -> None:
+    pace, moment, share = Pace(0.0), 0.0, 0.0
+    for step in (one * 0.9 / sum(steps) for one in steps):
+        moment, share = moment + slow * step, share + step
+        pace = pace.look(moment, share)
+    assert pace.left == pytest.approx(slow * (1.0 - share))
+    assert pace.look(moment + 1.0, share) == pace
+    assert pace.look(moment + 1.0, 0.0) == Pace(0.0)
 
 
 def test_a_wish_that_nobody_takes_up_says_what_to_start(stocked: Store) -> None:

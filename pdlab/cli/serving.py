@@ -11,54 +11,69 @@ from typing import Annotated
 import typer
 
 from pdlab.cli.shell import Scheduler, Store, Workers
-from pdlab.errors import InputError
+from pdlab.errors import InputError, SignInError
 
+HERE = "127.0.0.1"
 AGAIN, PATIENCE = 5.0, 20.0
 """Seconds after which a runner that ended is started again, and within which processes end by themselves."""
 
 
-def _check_free(port: int) -> None:
-    """Raise InputError when something listens on a port of 127.0.0.1."""
+def _check_place(address: str, port: int, signed_in: bool) -> None:
+    """Raise InputError where a page may not, or cannot, listen at an address and port.
+
+    Whoever reaches the page can write to the store: beyond this machine only who has ``signed_in`` may.
+    """
+    import ipaddress
     import socket
 
-    with socket.socket() as probe:
+    try:
+        family, _, _, _, place = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
+    except OSError as error:
+        raise InputError(f"'{address}' is no address of this machine ({error.strerror}); write 127.0.0.1") from error
+    if not (signed_in or ipaddress.ip_address(place[0]).is_loopback):
+        raise SignInError(
+            f"at {address} everybody in the network could write to the store, since no sign-in is configured; "
+            "configure one (docs/operation.md), or let a reverse proxy that asks who comes reach 127.0.0.1"
+        )
+    with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a page that ended a moment ago is no hindrance
         try:
-            probe.bind(("127.0.0.1", port))
+            probe.bind(place)
         except OSError as error:
-            raise InputError(f"port {port} is not free ({error.strerror}); choose another with --port") from error
+            raise InputError(
+                f"port {port} of {address} is not free, or not of this machine ({error.strerror}); choose another with "
+                "--port or --address"
+            ) from error
 
 
 def serve(
     store: Store = None,
     port: Annotated[int, typer.Option(min=1, max=65535)] = 8501,
+    address: Annotated[
+        str, typer.Option(help="Where the page listens; anywhere but on this machine it needs a sign-in.")
+    ] = HERE,
     workers: Workers = None,
     scheduler: Scheduler = None,
     runner: Annotated[bool, typer.Option("--runner/--no-runner", help="Start a runner beside the page.")] = True,
 ) -> None:
     """Serve the page on 127.0.0.1, without telemetry, and a runner for what is wished for there; Ctrl-C ends both."""
-    import importlib.util
-
+    from pdlab.page import signing_in
     from pdlab.store import open_store, store_url
 
-    _check_free(port)
+    signed_in = signing_in.is_configured()
+    _check_place(address, port, signed_in)
     opened = open_store(store)
     opened.close()
     if opened.created:
         print(f"made a new store: {opened.url}")
-    spec = importlib.util.find_spec("pdlab.page.app")
-    assert spec is not None
-    assert spec.origin is not None
-    flags = {
-        "server.address": "127.0.0.1", "server.port": str(port), "server.headless": "true",
-        "server.maxUploadSize": "20", "browser.gatherUsageStats": "false", "client.toolbarMode": "viewer",
-        "server.fileWatcherType": "none", "runner.magicEnabled": "false",
-    }  # fmt: skip
-    pages = ["-m", "streamlit", "run", spec.origin, *(f"--{key}={value}" for key, value in flags.items())]
     environment = {**os.environ, "PDLAB_STORE": store_url(store)}  # not in the arguments: it may hold a password
-    print(f"the page: http://127.0.0.1:{port} (store {opened.url}; Ctrl-C ends it)", flush=True)
+    if signed_in:
+        environment[signing_in.REQUIRED] = "1"
+    place = f"[{address}]" if ":" in address else address
+    seen = "who signs in" if signed_in else "all on this machine, without a sign-in"
+    print(f"the page: http://{place}:{port} for {seen} (store {opened.url}; Ctrl-C ends it)", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    started = [subprocess.Popen([sys.executable, *pages], env=environment)]
+    started = [subprocess.Popen([sys.executable, *_pages(address, port)], env=environment)]
     try:
         if runner:
             options = [] if workers is None else ["--workers", str(workers)]
@@ -73,6 +88,21 @@ def serve(
     finally:
         _end(started)
     sys.exit(code)
+
+
+def _pages(address: str, port: int) -> list[str]:
+    """Return Python's arguments that serve the page."""
+    import importlib.util
+
+    spec = importlib.util.find_spec("pdlab.page.app")
+    assert spec is not None
+    assert spec.origin is not None
+    flags = {
+        "server.address": address, "server.port": str(port), "server.headless": "true",
+        "server.maxUploadSize": "20", "browser.gatherUsageStats": "false", "client.toolbarMode": "viewer",
+        "client.showErrorDetails": "none", "server.fileWatcherType": "none", "runner.magicEnabled": "false",
+    }  # fmt: skip
+    return ["-m", "streamlit", "run", spec.origin, *(f"--{key}={value}" for key, value in flags.items())]
 
 
 def _log_beside(url: str) -> Path:

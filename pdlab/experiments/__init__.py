@@ -30,6 +30,7 @@ from pdlab.experiments.entering import (
     EnteredAggregate,
     SievesRead,
     TestRead,
+    entered_again,
     entered_of,
     read_entered,
     register_entered,
@@ -53,6 +54,7 @@ from pdlab.experiments.explaining import (
     waiting_calibration,
 )
 from pdlab.experiments.export import Exported, export_tables
+from pdlab.experiments.first_steps import SHIPPED, FirstSteps, first_steps, load_example
 from pdlab.experiments.forecasts import beds_to_run
 from pdlab.experiments.lists import counted, listed
 from pdlab.experiments.mixing import (
@@ -83,7 +85,7 @@ from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.sweeps import MeasuredMix, SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
-from pdlab.experiments.waiting import Waiting
+from pdlab.experiments.waiting import Pace, Waiting
 from pdlab.experiments.ways import METHODS, OTHERS, Way
 from pdlab.experiments.wishes import (
     Asked,
@@ -104,6 +106,7 @@ __all__ = [
     "OTHERS",
     "REFERENCES",
     "REPORTED",
+    "SHIPPED",
     "SIEVE_TEXTS",
     "TEST_TEXTS",
     "AggregateDocument",
@@ -125,10 +128,12 @@ __all__ = [
     "Explained",
     "Exported",
     "Facts",
+    "FirstSteps",
     "ListedSweep",
     "MeasuredMix",
     "MethodErrors",
     "MixtureDocument",
+    "Pace",
     "PredictionReport",
     "Proportions",
     "Refreshed",
@@ -172,13 +177,16 @@ __all__ = [
     "counted",
     "delete",
     "delete_draft",
+    "entered_again",
     "entered_of",
     "explain",
     "export_tables",
+    "first_steps",
     "known_runs",
     "list_drafts",
     "listed",
     "load_draft",
+    "load_example",
     "measured_aggregate",
     "mixture_document",
     "mixture_names",

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pdlab import density, store, tables
 from pdlab.density import MeasuredPacking
-from pdlab.errors import DensityError, InputError, PdlabError, Problem, TableError
+from pdlab.errors import DensityError, InputError, PdlabError, Problem, TableError, UnknownName
 from pdlab.experiments.registration import register
 from pdlab.grading import Grading, make_grading
 from pdlab.store import Store
@@ -120,6 +120,20 @@ def entered_of(content: Mapping[str, Any]) -> EnteredAggregate:
     texts = {name: content.get("texts", {}).get(name, "") for name in (*AGGREGATE_TEXTS, *SIEVE_TEXTS)}
     tests = [{name: test.get(name, "") for name in TEST_TEXTS} for test in content.get("tests", [])]
     return EnteredAggregate(texts, tuple((sieve, value) for sieve, value in content.get("sieves", [])), tests)
+
+
+def entered_again(target: Store, aggregate_id: int) -> EnteredAggregate:
+    """Return the form of a further sieve analysis or density test of an aggregate: it is filled in, its tests are not.
+
+    Raises UnknownName.
+    """
+    with target.read() as session:
+        row = next(iter(store.aggregates_by_id(session, [aggregate_id])), None)
+    if row is None:
+        raise UnknownName(f"the store holds no aggregate {aggregate_id}; choose another")
+    values = {name: getattr(row, name) for name in AGGREGATE_TEXTS}
+    texts = {name: f"{value:.15g}" if isinstance(value, float) else value or "" for name, value in values.items()}
+    return EnteredAggregate(dict.fromkeys(SIEVE_TEXTS, "") | texts)
 
 
 def read_entered(entered: EnteredAggregate) -> AggregateRead:

@@ -19,7 +19,8 @@ PATIENCE = 10.0
 class Waiting:
     """What is wished for: its ``key``, its state (queued or running), how far it is [0 to 1].
 
-    ``left``: seconds that it will take at the pace since it was asked for, None where there is none yet.
+    ``left``: seconds that it will take at most, at the pace since it was asked for, None where there is none yet.
+    Of these it may have waited for a runner; ``Pace`` tells better what it looks at for a while.
     ``attended``: whether it may be waited for; False where no runner's heartbeat is there.
     """
 
@@ -29,6 +30,35 @@ class Waiting:
     progress: float
     left: float | None = None
     attended: bool = True
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a wish goes on, told by two looks at it: seconds of any clock, and progress [0 to 1].
+
+    ``begun``: when its progress was first seen to change, ``last``: when it last was; a change stands for all that
+    was worked out since the change before, which the first look does not know.
+    """
+
+    seen: float
+    begun: tuple[float, float] | None = None
+    last: tuple[float, float] | None = None
+
+    def look(self, moment: float, progress: float) -> "Pace":
+        """Return the pace after another look; it begins anew where progress falls, as when another runner began."""
+        if progress < self.seen:
+            return Pace(progress)
+        if progress == self.seen:
+            return self
+        return Pace(progress, self.begun or (moment, progress), (moment, progress))
+
+    @property
+    def left(self) -> float | None:
+        """Return the seconds that are left at this pace, None before two changes."""
+        if self.begun is None or self.last is None or self.last == self.begun:
+            return None
+        (first, before), (moment, progress) = self.begun, self.last
+        return (moment - first) * (1.0 - progress) / (progress - before)
 
 
 def waiting_of(session: Session, key: Key, row: Wished) -> Waiting:

@@ -1,7 +1,9 @@
 """Sets of sieves that a laboratory has, coarse to fine, by their designations.
 
-EN 933-2 with the sets of EN 12620, table 1, in nominal apertures; ASTM E11, the sieves of ASTM C136 for concrete
-aggregates. From memory of the standards: check them against your copy.
+EN 933-2 with the sets of EN 12620, table 1, in nominal apertures, as others print them: set 1 in Betontechnische Daten
+(Heidelberg Materials), section 2.2.3, set 2 in Northstone, European aggregate sizes (to BS EN 13043); the ends, 0.063
+and 125 mm, in the scope of EN 933-2:2020. ASTM E11, the sieves of ASTM C136 for concrete aggregates, is from memory of
+the standard: check it against your copy.
 """
 
 _BASIC = ("125", "63", "31.5", "16", "8", "4", "2", "1", "0.5", "0.25", "0.125", "0.063")

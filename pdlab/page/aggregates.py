@@ -8,9 +8,9 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.experiments import Summary
 from pdlab.grading import Grading, indices, interpolated_sieves, retained_percents
-from pdlab.page import links
+from pdlab.page import greeting, links
 from pdlab.page.gradings import compare
-from pdlab.page.wording import plain
+from pdlab.page.wording import MISSING, plain
 from pdlab.quantities import heading
 from pdlab.store import Store
 
@@ -65,7 +65,7 @@ def _list(target: Store, search: str) -> dict[int, str]:
     names = ["aggregate_id", *COLUMNS]
     _, rows = experiments.listed(target, "aggregates", where, names, "-aggregate_id", LISTED)
     if not rows and not where:
-        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+        greeting.show(target, "The store holds no aggregate yet.")
     elif not rows:
         st.info(plain(f"No aggregate's name holds '{search.strip()}'."))
     else:
@@ -73,17 +73,22 @@ def _list(target: Store, search: str) -> dict[int, str]:
             st.caption(f"The newest {LISTED}; search for others.")
         frame = pd.DataFrame(rows, columns=names).drop(columns="aggregate_id").rename(columns=COLUMNS)
         numbers = {COLUMNS[name]: st.column_config.NumberColumn(format=text) for name, text in FORMATS.items()}
-        st.dataframe(frame, hide_index=True, column_config=numbers, key="shelf", height=min(36 * (len(rows) + 1), 324))
+        height = min(36 * (len(rows) + 1), 324)
+        st.dataframe(
+            frame, hide_index=True, column_config=numbers, key="shelf", height=height, placeholder=MISSING,
+            alt="The aggregates with their sizes, measured packing densities and friction coefficients",
+        )  # fmt: skip
     return {row[0]: _name(row[1], row[2]) for row in rows}
 
 
 def _say(chosen: Sequence[Summary]) -> None:
-    """Lead to the aggregates' calibrations, and say what stands against them."""
-    with st.container(horizontal=True):
-        for one in chosen:
-            links.link(
-                f"Calibration of {_name(one.name, one.delivery)}", "calibration", aggregate=str(one.aggregate_id)
-            )
+    """Lead to the aggregates' calibrations and to further tests of them, and say what stands against them."""
+    ways = {"calibration": "Calibration of {}", "new-aggregate": "Add a sieve analysis or a density test of {}"}
+    for address, words in ways.items():
+        with st.container(horizontal=True):
+            for one in chosen:
+                name = _name(one.name, one.delivery)
+                links.link(words.format(name), address, aggregate=str(one.aggregate_id))
     for one in chosen:
         if one.message:
             st.warning(plain(f"{one.name}: {one.message}"))
@@ -100,7 +105,7 @@ def _compare(gradings: Mapping[str, Grading]) -> None:
 
 
 def _indices(gradings: Mapping[str, Grading]) -> None:
-    st.subheader("Indices")
+    st.subheader("Indices", anchor=False)
     found = {
         name: {heading(index): f"{value:.3g}" for index, value in indices(one).items()}
         for name, one in gradings.items()
@@ -115,7 +120,7 @@ def _indices(gradings: Mapping[str, Grading]) -> None:
 
 
 def _retained(gradings: Mapping[str, Grading]) -> None:
-    st.subheader("Retained [%]")
+    st.subheader("Retained [%]", anchor=False)
     columns = {
         plain(name): dict(zip(_sieves(one), retained_percents(one), strict=True)) for name, one in gradings.items()
     }

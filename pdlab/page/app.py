@@ -7,8 +7,17 @@ import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
 from pdlab import store
-from pdlab.errors import InputError, PdlabError
-from pdlab.page import aggregates, calibration, links, mixtures, new_aggregate, predicted_vs_measured, proportions
+from pdlab.errors import InputError, PdlabError, StoreError
+from pdlab.page import (
+    aggregates,
+    calibration,
+    links,
+    mixtures,
+    new_aggregate,
+    predicted_vs_measured,
+    proportions,
+    signing_in,
+)
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
@@ -24,32 +33,53 @@ VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
 
 
 @st.cache_resource
-def _open(url: str) -> Store:
-    return store.open_store(url)
+def _open(url: str) -> tuple[Store, tuple[int, ...] | None]:
+    return store.open_store(url), store.identity(url)
+
+
+def _store() -> Store:
+    """Return the open store. Raises StoreError, where its file is not the one that was opened too."""
+    url = store.store_url(None)
+    opened, file = _open(url)
+    if store.identity(url) != file:
+        raise StoreError(
+            f"the file of {opened.url} was moved, deleted or replaced while the page was open; put that file back, or "
+            "end the page and start it anew"
+        )
+    return opened
 
 
 def main() -> None:
-    """Draw the page."""
+    """Draw the page: the view of the address, or the sign-in, or why there is neither."""
     st.set_page_config(page_title="pdlab", layout="wide")
+    target, refused = None, ""
     try:
-        target = _open(store.store_url(None))
+        if signing_in.is_admitted():
+            target = _store()
     except InputError as error:
-        st.error(plain(str(error)))
-        return
-    pages = {address: _page(address, target) for address in VIEWS}
+        refused = str(error)
+    pages = {address: _page(address, target, refused) for address in VIEWS}
     links.keep(pages)
     entrance = st.Page(lambda: links.go(HOME), title="pdlab", url_path="entrance", default=True, visibility="hidden")
-    st.navigation([entrance, *pages.values()], position="top").run()
+    st.navigation([entrance, *pages.values()], position="hidden" if target is None else "top").run()
 
 
-def _page(address: str, target: Store) -> StreamlitPage:
+def _page(address: str, target: Store | None, refused: str) -> StreamlitPage:
     title, show = VIEWS[address]
-    return st.Page(partial(_draw, title, show, target), title=title, url_path=address)
+    return st.Page(partial(_draw, title, show, target, refused), title=title, url_path=address)
 
 
-def _draw(title: str, show: Callable[[Store], None], target: Store) -> None:
-    st.title(title)
-    links.said()
+def _draw(title: str, show: Callable[[Store], None], target: Store | None, refused: str) -> None:
+    if refused:
+        st.error(plain(refused))
+        return
+    if target is None:
+        signing_in.ask()
+        return
+    signing_in.say()
+    st.title(title, anchor=False)
+    with st.container():
+        links.said()
     try:
         show(target)
     except PdlabError as error:  # such as a database that does not answer now

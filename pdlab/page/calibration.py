@@ -7,7 +7,7 @@ import streamlit as st
 from pdlab import charts, experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import Explained
-from pdlab.page import choosing, lab_report, watching
+from pdlab.page import choosing, greeting, lab_report, watching
 from pdlab.page.wording import begun, plain
 from pdlab.quantities import label
 from pdlab.store import Store
@@ -47,7 +47,7 @@ def _choose(target: Store) -> int | None:
     asked = choosing.asked_ids("aggregate")[:1]
     known = choosing.named(target, asked)
     if not known:
-        st.info("The store holds no aggregate yet. Enter one in 'New aggregate', or run `pdlab demo`.")
+        greeting.show(target, "The store holds no aggregate yet.")
         return None
     for key in asked:
         st.session_state.setdefault(CHOSEN, key)
@@ -61,11 +61,13 @@ def _result(known: Explained) -> None:
     if known.message:
         st.warning(plain(known.message))
     if known.value is not None and known.curve is not None:
-        first, second, third = st.columns(3)
-        first.metric(begun(label(known.curve.coefficient)), f"{known.value:.4f}")
-        ends = ["beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high)]
-        second.metric("Its interval", " to ".join(ends))
-        third.metric(
+        first, second = st.columns(2)
+        low, high = ("beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high))
+        first.metric(
+            begun(label(known.curve.coefficient)), f"{known.value:.4f}", f"its interval: {low} to {high}",
+            delta_color="off", delta_arrow="off",
+        )  # fmt: skip
+        second.metric(
             begun(label(known.curve.sought)) + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
         )
     if known.method:

@@ -1,12 +1,13 @@
 """What several views ask for: aggregates, the newest first, and a method."""
 
-import re
 from collections.abc import Collection, Mapping
 
 import streamlit as st
 
 from pdlab import experiments
 from pdlab.experiments import METHODS, OTHERS
+from pdlab.page import greeting, links
+from pdlab.page.wording import plain
 from pdlab.store import Store
 
 LISTED, LEAST, MOST = 200, 2, 5  # aggregates to choose from; how many a mixture has
@@ -23,6 +24,18 @@ def named(target: Store, wanted: Collection[int] = ()) -> dict[int, str]:
         if key not in known:  # too old for the list, or none at all
             known |= _listed(target, f"aggregate_id={key}") or {key: f"aggregate {key}"}
     return known
+
+
+def others(target: Store, known: Mapping[int, str], place: str) -> dict[int, str]:
+    """Return the aggregates chosen in a ``place`` that are too old for the list; those that are gone no more."""
+    found = dict[int, str]()
+    for key in st.session_state.get(place, ()):
+        found |= {} if key in known else _listed(target, f"aggregate_id={key}")
+    gone = [key for key in st.session_state.get(place, ()) if key not in {**known, **found}]
+    if gone:
+        st.warning(plain(f"The store holds no aggregate {', '.join(map(str, gone))}; choose others."))
+        st.session_state[place] = [key for key in st.session_state[place] if key not in gone]
+    return found
 
 
 def _listed(target: Store, *where: str) -> dict[int, str]:
@@ -42,14 +55,18 @@ def several(known: Mapping[int, str], key: str) -> list[int]:
     return []
 
 
-def are_too_few(known: Mapping[int, str], what: str) -> bool:
+def are_too_few(target: Store, known: Mapping[int, str], what: str) -> bool:
     """Return whether there are too few aggregates for what takes several, and say so."""
     if len(known) < LEAST:
-        st.info(f"{what} takes two aggregates or more. Enter them in 'New aggregate', or run `pdlab demo`.")
+        greeting.show(target, f"{what} takes two aggregates or more.")
     return len(known) < LEAST
 
 
-def asked_ids(name: str) -> list[int]:
-    """Return the ids that the address gives, none where they are not numbers that ids can be."""
+def asked_ids(name: str, kind: str = "") -> list[int]:
+    """Return the ids that the address gives by a name, of what ``kind``; none, and a sentence, where some are none."""
     text = st.query_params.get(name, "")
-    return [int(one) for one in text.split(",")] if re.fullmatch(r"\d{1,9}(,\d{1,9})*", text, re.ASCII) else []
+    ids = [links.number(word) for word in text.split(",")] if text else []
+    if None in ids:
+        st.warning(plain(f"'{text}' in the address is no {kind or name}; choose one."))
+        return []
+    return [one for one in ids if one is not None]

@@ -7,29 +7,29 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.errors import InputError, PdlabError
 from pdlab.experiments import Composed
-from pdlab.page import choosing
+from pdlab.page import choosing, links, unsaved
 from pdlab.page.gradings import compare
+from pdlab.page.unsaved import BASES, BASIS, NAME, PARTS
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
-MIXTURE, OPEN = "mixture", "mixture_to_open"  # keys: the mixture that is shown, one that is to be shown next
-NEW = 0  # in place of a mixture's id: one that is yet to be put together
-PARTS, BASIS = "parts", "basis"
-BASES = ("solid volume", "mass")
+MIXTURE = "mixture"  # the key of the mixture that is shown
+NEW = 0  # in place of its id: one that is yet to be put together
 
 
 def show(target: Store) -> None:
     """Draw the form."""
-    known = choosing.named(target, st.session_state.get(PARTS, ()))
-    if choosing.are_too_few(known, "A mixture"):
+    known = choosing.named(target)
+    if choosing.are_too_few(target, known, "A mixture"):
         return
+    unsaved.restore(choosing.MOST)
+    known |= choosing.others(target, known, PARTS)
     left, right = st.columns([3, 1])
-    name = left.text_input("Name of the mixture", key="mixture_name")
+    name = left.text_input("Name of the mixture", key=NAME)
     basis = right.radio("Shares by", BASES, horizontal=True, key=BASIS)
     ids = choosing.several(known, PARTS)
-    if not ids:
-        return
-    shares = _ask_shares(ids, known)
+    shares = _ask_shares(ids, known) if ids else None
+    unsaved.keep()
     if shares is None:
         return
     try:
@@ -47,22 +47,18 @@ def show(target: Store) -> None:
 def fill(ids: Sequence[int], shares: Sequence[float]) -> None:
     """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next."""
     st.session_state.update({MIXTURE: NEW, PARTS: list(ids), BASIS: BASES[0]})
-    for key, share in zip(ids, shares, strict=True):
-        st.session_state[_place(key, ids)] = f"{100.0 * share:.6g}"
-
-
-def _place(key: int, ids: Sequence[int]) -> str:
-    """Return where an aggregate's share is kept: other aggregates beside it begin with equal shares again."""
-    return f"share_{key}_of_{'_'.join(map(str, ids))}"
+    for k, share in enumerate(shares):
+        st.session_state[unsaved.share_key(k, ids)] = f"{100.0 * share:.6g}"
 
 
 def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ...] | None:
     """Ask for all shares but the last, which is the rest; return them [-], None where they are not sound."""
     columns, texts = st.columns(len(ids)), list[str]()
-    for column, key in zip(columns[:-1], ids, strict=False):
-        place = _place(key, ids)
+    for k, column in enumerate(columns[:-1]):
+        place = unsaved.share_key(k, ids)
         st.session_state.setdefault(place, f"{100.0 / len(ids):.4g}")
-        texts.append(column.text_input(f"{plain(known[key])} [%]", key=place))
+        column.caption(f"{plain(known[ids[k]])} [%]")  # a label would be read aloud with what plain puts in
+        texts.append(column.text_input(f"{known[ids[k]]} [%]", key=place, label_visibility="collapsed"))
     read = experiments.read_shares(texts)
     columns[-1].metric(f"{plain(known[ids[-1]])}: the rest [%]", "?" if read.rest is None else f"{read.rest:.4g}")
     for column, sentence in zip(columns, read.wrong, strict=True):
@@ -84,9 +80,10 @@ def _save(target: Store, name: str, ids: Sequence[int], shares: Sequence[float],
         st.error("the mixture has no name; enter one")
         return
     try:
-        st.session_state[OPEN] = experiments.register_mixture(target, name, ids, shares, by_mass)
+        st.session_state[links.OPEN] = experiments.register_mixture(target, name, ids, shares, by_mass)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
             st.error(plain(sentence))
         return
+    unsaved.put_away(saved=True)
     st.rerun()

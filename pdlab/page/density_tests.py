@@ -9,10 +9,11 @@ from pdlab import density, tables
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import TEST_TEXTS, TestRead
 from pdlab.page.wording import plain
-from pdlab.quantities import heading
+from pdlab.quantities import QUANTITIES, heading
 
 COUNT = "density_tests"
 KIND_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
+UNITS = {kind: f" [{QUANTITIES[kind].unit}]" if QUANTITIES[kind].unit else "" for kind in tables.DENSITY_KINDS}
 CHOICES = {"kind": tables.DENSITY_KINDS[0], "compaction": COMPACTIONS[0]}
 
 
@@ -44,10 +45,11 @@ def ask(box: DeltaGenerator, k: int) -> dict[str, str]:
     wide.text_input("Container Ø [mm]", key=_key(k, "container_diameter_mm"))
     standard.text_input("Standard", key=_key(k, "standard"), placeholder="EN 1097-3")
     value, moisture, spread, high, date = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
-    value.text_input("Value", key=_key(k, "value"))
+    unit = UNITS[st.session_state[_key(k, "kind")]]
+    value.text_input(f"Value{unit}", key=_key(k, "value"))
     moisture.text_input("Moisture [%]", key=_key(k, "moisture_percent"))
-    spread.text_input("Deviation", key=_key(k, "standard_deviation"),
-                      help="Standard deviation of single tests, in the unit of the value.")  # fmt: skip
+    spread.text_input(f"Deviation{unit}", key=_key(k, "standard_deviation"),
+                      help="Standard deviation of single tests.")  # fmt: skip
     high.text_input("Its height [mm]", key=_key(k, "container_height_mm"))
     date.text_input("Date", key=_key(k, "date"), placeholder="2026-03-31")
     return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}

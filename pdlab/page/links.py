@@ -1,14 +1,18 @@
 """Ways from one view to another, and what is said there on arrival."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NoReturn
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
+from pdlab import experiments
+from pdlab.errors import PdlabError
 from pdlab.page.wording import plain
 
-PAGES, SAID = "pages", "said"
+PAGES, SAID, REFUSED = "pages", "said", "refused"
+DIGITS = 9  # of an id at most: what a database takes as one
+OPEN = "mixture_to_open"  # the mixture that the view of mixtures is to show next, whatever it showed before
 
 
 def keep(pages: Mapping[str, StreamlitPage]) -> None:
@@ -16,9 +20,14 @@ def keep(pages: Mapping[str, StreamlitPage]) -> None:
     st.session_state[PAGES] = dict(pages)
 
 
-def link(label: str, address: str, **query: str) -> None:
-    """Draw a link to the view at an address, with what stands behind its question mark."""
-    st.page_link(st.session_state[PAGES][address], label=plain(label), query_params=query or None)
+def link(label: str, address: str, sign: str | None = None, **query: str) -> None:
+    """Draw a link to the view at an address, with what stands behind its question mark and a ``sign`` before it."""
+    st.page_link(st.session_state[PAGES][address], label=plain(label), icon=sign, query_params=query or None)
+
+
+def number(text: str) -> int | None:
+    """Return the id that a text of the address is, None where it can be none that a store holds."""
+    return int(text) if text.isdecimal() and len(text) <= DIGITS else None
 
 
 def go(address: str, sentence: str = "", **query: str) -> NoReturn:
@@ -28,7 +37,17 @@ def go(address: str, sentence: str = "", **query: str) -> NoReturn:
     st.switch_page(st.session_state[PAGES][address], query_params=query or None)
 
 
+def attempt(call: Callable[..., object], *args: object) -> None:
+    """Do what a button asks for before its view is drawn; what is refused is said in the view."""
+    try:
+        call(*args)
+    except PdlabError as error:
+        st.session_state[REFUSED] = experiments.sentences(error)
+
+
 def said() -> None:
-    """Say the sentence that another view has left, once."""
+    """Say the sentence that another view has left, or why an attempt was refused, once."""
+    for sentence in st.session_state.pop(REFUSED, ()):
+        st.error(plain(sentence))
     if sentence := st.session_state.pop(SAID, ""):
         st.success(plain(sentence))

@@ -8,8 +8,8 @@ import streamlit as st
 from pdlab import experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import Composed
-from pdlab.page import choosing, composing, lab_report, watching
-from pdlab.page.composing import MIXTURE, NEW, OPEN
+from pdlab.page import choosing, composing, lab_report, links, unsaved, watching
+from pdlab.page.composing import MIXTURE, NEW
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
 from pdlab.page.wording import plain
@@ -42,16 +42,16 @@ def show(target: Store) -> None:
 def _choose(target: Store) -> int:
     """Ask for a mixture, the one of the address first; return its id, or that a new one is wanted."""
     known = {NEW: "a new mixture"} | experiments.mixture_names(target, LISTED)
-    if OPEN in st.session_state:  # one that was saved a moment ago
-        st.session_state[MIXTURE] = st.session_state.pop(OPEN)
-    asked = st.query_params.get("mixture", "")
-    if asked.isdecimal():
-        st.session_state.setdefault(MIXTURE, int(asked))
+    if links.OPEN in st.session_state:  # one that was saved a moment ago
+        st.session_state[MIXTURE] = st.session_state.pop(links.OPEN)
+    for key in choosing.asked_ids("mixture")[:1]:
+        st.session_state.setdefault(MIXTURE, key)
     if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"mixture {kept}"
     chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)
     if chosen != NEW:
         st.query_params["mixture"] = str(chosen)
+        unsaved.put_away()
     elif "mixture" in st.query_params:
         del st.query_params["mixture"]
     return chosen
@@ -82,7 +82,7 @@ def _ask(target: Store, chosen: int) -> None:
 
 def _parts(composed: Composed) -> None:
     """Show what a mixture is made of, and its grading."""
-    st.subheader("Aggregates and grading")
+    st.subheader("Aggregates and grading", anchor=False)
     columns = {"by solid volume [%]": composed.shares}
     if composed.mass_shares is not None:
         columns["by mass [%]"] = composed.mass_shares

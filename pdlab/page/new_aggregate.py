@@ -17,21 +17,26 @@ from pdlab.store import Store
 KIND = "aggregate"
 BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
 OPEN, KEPT = "open_draft", "kept_content"  # the id of the draft that stands in the form, and what is kept of it
+AGAIN = "aggregate"  # in the address and the session: the id of one of which a further test is entered
+UNTOLD = "draft_untold"  # whether the address of the open draft was set in the last run
 SHOWN = 5  # drafts that are offered to be continued
 
 
 def show(target: Store) -> None:
     """Draw the view."""
     _open(target)
-    if not st.session_state[OPEN]:
-        _offer_drafts(target)
+    with st.container():  # what comes and goes here leaves the grid below in its place, and the cell that is typed in
+        if st.session_state[AGAIN]:
+            st.info("Enter a sieve analysis, a density test or both below: they are added to this aggregate.")
+        elif not st.session_state[OPEN]:
+            _offer_drafts(target)
     texts = _material()
     left, right = st.columns(2, gap="medium")
     with left:
-        st.subheader("Sieve analysis")
+        st.subheader("Sieve analysis", anchor=False)
         texts |= sieve_table.ask_texts()
         sieves = sieve_table.ask_table()
-    st.subheader("Density tests")
+    st.subheader("Density tests", anchor=False)
     boxes = density_tests.boxes()
     tests = [density_tests.ask(box, k) for k, box in enumerate(boxes)]
     st.button("Add a density test", on_click=density_tests.add, key="add_test")
@@ -49,25 +54,35 @@ def show(target: Store) -> None:
 
 
 def _open(target: Store) -> None:
-    """Put the draft of the address into the form, or nothing where there is none."""
-    wanted = st.query_params.get("draft", "")
-    if st.session_state.get(OPEN) == wanted and "name" in st.session_state:  # texts go where a view is left
+    """Put the draft of the address into the form, or the aggregate of which it wants a further test, or nothing."""
+    wanted, again = st.query_params.get("draft", ""), st.query_params.get(AGAIN, "")
+    is_there = "name" in st.session_state  # texts go where a view is left
+    if is_there and not wanted and st.session_state.get(UNTOLD):  # sent before the browser heard of the draft
+        st.query_params["draft"] = wanted = st.session_state[OPEN]
+        again = ""
+    st.session_state[UNTOLD] = False
+    if is_there and (st.session_state.get(OPEN), st.session_state.get(AGAIN)) == (wanted, again):
         return
-    content = experiments.EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), "")).content()
-    if wanted:
-        try:
-            content = dict(experiments.load_draft(target, int(wanted)).content)
-        except (UnknownName, ValueError):
-            st.warning(plain(f"draft {wanted} is not there: it was saved or discarded. This is a new one."))
-            wanted = ""
-            st.query_params.pop("draft", None)
-    entered = experiments.entered_of(content)
+    entered = EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), ""))
+    kept: str | None = ""
+    try:
+        if wanted:
+            entered = experiments.entered_of(experiments.load_draft(target, links.number(wanted) or 0).content)
+            kept = json.dumps(entered.content())
+        elif again:
+            entered, kept = experiments.entered_again(target, links.number(again) or 0), None
+    except UnknownName:
+        gone = f"draft {wanted} is not there: it was saved or discarded" if wanted else f"no aggregate {again} is there"
+        st.warning(plain(f"{gone}. This is a new one."))
+        wanted = again = ""
+        for word in ("draft", AGAIN):
+            st.query_params.pop(word, None)
     for name in AGGREGATE_TEXTS:
         st.session_state[name] = entered.texts[name]
     st.session_state["density_basis"] = entered.texts["density_basis"] or "oven_dry"
     sieve_table.fill(entered)
     density_tests.fill(entered.tests)
-    st.session_state[OPEN], st.session_state[KEPT] = wanted, json.dumps(entered.content()) if wanted else ""
+    st.session_state[OPEN], st.session_state[AGAIN], st.session_state[KEPT] = wanted, again, kept
 
 
 def _offer_drafts(target: Store) -> None:
@@ -77,7 +92,8 @@ def _offer_drafts(target: Store) -> None:
         with first:
             links.link(f"Continue the draft: {name}, {draft.saved_at:%Y-%m-%d %H:%M} UTC", "new-aggregate",
                        draft=str(draft.id))  # fmt: skip
-        second.button("Discard", key=f"discard_{draft.id}", on_click=experiments.delete_draft, args=(target, draft.id))
+        second.button("Discard", key=f"discard_{draft.id}", on_click=links.attempt,
+                      args=(experiments.delete_draft, target, draft.id))  # fmt: skip
 
 
 def _material() -> dict[str, str]:
@@ -100,7 +116,7 @@ def _material() -> dict[str, str]:
 
 def _grading(read: SievesRead, kind: str) -> None:
     """Show what a sieve table says, its errors beside their rows."""
-    st.subheader("Grading")
+    st.subheader("Grading", anchor=False)
     if not read.rows:
         st.caption("The grading curve is drawn here while you type.")
         return
@@ -142,11 +158,15 @@ def _keep(target: Store, entered: EnteredAggregate) -> None:
     """Keep what was changed since the last time as a draft, whose id stands in the address."""
     content = json.dumps(entered.content())
     number = st.session_state[OPEN]
+    if st.session_state[KEPT] is None:  # filled in by us: only what is changed from now on is a draft
+        st.session_state[KEPT] = content
     if content == st.session_state[KEPT] or (not number and entered.is_blank):
         return
     number = str(experiments.save_draft(target, KIND, entered.content(), int(number) if number else None))
-    st.session_state[OPEN], st.session_state[KEPT] = number, content
+    st.session_state[OPEN], st.session_state[AGAIN], st.session_state[KEPT] = number, "", content
+    st.session_state[UNTOLD] = st.query_params.get("draft") != number
     st.query_params["draft"] = number
+    st.query_params.pop(AGAIN, None)
 
 
 def _save(target: Store, entered: EnteredAggregate) -> None:

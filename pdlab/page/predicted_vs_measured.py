@@ -7,6 +7,7 @@ import streamlit as st
 
 from pdlab import charts, experiments
 from pdlab.experiments import PredictionReport
+from pdlab.page import greeting
 from pdlab.page.wording import plain
 from pdlab.quantities import heading
 from pdlab.store import Store
@@ -18,7 +19,7 @@ def show(target: Store) -> None:
     """Draw the view."""
     reports = experiments.comparisons(target, newest=NEWEST)
     if not reports:
-        st.info("The store holds no mixture yet. Run `pdlab demo` for an example, or `pdlab import` your own tables.")
+        greeting.show(target)
         return
     if len({report.mixture for report in reports}) == NEWEST:
         st.caption(f"The newest {NEWEST} mixtures; `pdlab ls predictions` lists all.")

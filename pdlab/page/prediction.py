@@ -69,7 +69,7 @@ def _beside(report: PredictionReport) -> None:
     rows |= {heading(name): getattr(report, name) for name in BESIDE}
     shown = {name: value for name, value in rows.items() if value is not None}
     if shown:
-        st.subheader("Beside measurement and theory")
+        st.subheader("Beside measurement and theory", anchor=False)
         frame = pd.DataFrame({heading("packing_density"): [f"{value:.4f}" for value in shown.values()]})
         if report.measured is not None:
             frame["minus measured"] = [

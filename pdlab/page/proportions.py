@@ -72,11 +72,12 @@ def _title(one: ListedSweep) -> str:
 
 def _new(target: Store) -> None:
     """Ask for the aggregates of a sweep, those of the address first, and offer to wish for it."""
-    if PARTS not in st.session_state and (asked := choosing.asked_ids(AGGREGATES)):
+    if PARTS not in st.session_state and (asked := choosing.asked_ids(AGGREGATES, "aggregate")):
         st.session_state[PARTS] = list(dict.fromkeys(asked))[: choosing.MOST]
-    known = choosing.named(target, st.session_state.get(PARTS, ()))
-    if choosing.are_too_few(known, "A sweep"):
+    known = choosing.named(target)
+    if choosing.are_too_few(target, known, "A sweep"):
         return
+    known |= choosing.others(target, known, PARTS)
     ids = choosing.several(known, PARTS)
     st.caption(
         "A sweep simulates beds where they tell most of the densest mix: up to 12, 30, 50 or 70 of two to five "

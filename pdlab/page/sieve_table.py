@@ -53,7 +53,7 @@ def ask_table() -> list[tuple[str, str]]:
     base = pd.DataFrame(st.session_state[BASE], columns=["sieve", "value"], dtype=object)
     edited = st.data_editor(
         base, key=f"sieves_{st.session_state[TURN]}", num_rows="dynamic", hide_index=True, column_config=columns,
-        height=36 * (len(base) + 2),
+        height=36 * (len(base) + 2), placeholder="",
     )  # fmt: skip
     rows = [(str(sieve), str(value)) for sieve, value in edited.fillna("").itertuples(index=False)]
     while rows and not any(rows[-1]):

@@ -1,11 +1,13 @@
 """A wish that is waited for: how far it is, how long it takes, a button that cancels it."""
 
+import time
 from collections.abc import Callable
 
 import streamlit as st
 
 from pdlab import experiments
-from pdlab.experiments import Waiting
+from pdlab.errors import PdlabError
+from pdlab.experiments import Pace, Waiting
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
@@ -29,16 +31,29 @@ def watch(target: Store, waiting: Waiting, look: Look) -> None:
 
 @st.fragment(run_every=TICK)
 def _progress(look: Look) -> None:
-    waiting = look()
+    try:
+        waiting = look()
+    except PdlabError as error:  # a look alone runs past what draws the view
+        st.error(plain(str(error)))
+        return
     if waiting is None:
         st.rerun()
     said = "queued: it begins when a runner takes it up" if waiting.state == "queued" else "running"
     text = f"{waiting.method}, {said}, {100.0 * waiting.progress:.0f} %"
-    if waiting.left is not None:
-        text += f", about {duration(waiting.left)} left at the pace since it was asked for"
+    text += _left(waiting)
     st.progress(waiting.progress, text=plain(text))
     if not waiting.attended:
         st.warning(NOBODY)
+
+
+def _left(waiting: Waiting) -> str:
+    """Return how long a wish will take still: by how it went on while it was looked at, at most since it was asked."""
+    key = f"pace_{waiting.key}"
+    pace = st.session_state.get(key, Pace(waiting.progress)).look(time.monotonic(), waiting.progress)
+    st.session_state[key] = pace
+    if waiting.state == "running" and pace.left is not None:
+        return f", about {duration(pace.left)} left"
+    return "" if waiting.left is None else f", at most {duration(waiting.left)} left"
 
 
 def duration(seconds: float) -> str:

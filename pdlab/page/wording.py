@@ -2,6 +2,8 @@
 
 import re
 
+MISSING = "–"  # stands in a table where a value is missing
+
 
 def plain(text: str) -> str:
     """Return text that Markdown shows as it stands."""

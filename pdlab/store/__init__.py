@@ -1,7 +1,7 @@
 """The store: databases, transactions and the only SELECTs."""
 
 from pdlab.store.copying import TableCopy, backup, copy
-from pdlab.store.databases import shown_url, store_url
+from pdlab.store.databases import identity, shown_url, store_url
 from pdlab.store.descent import (
     blends_with,
     corrections,
@@ -127,6 +127,7 @@ __all__ = [
     "find_run",
     "free_runs",
     "head",
+    "identity",
     "is_attended",
     "is_made",
     "last_calibration",

@@ -95,6 +95,22 @@ def in_memory(url: sa.URL) -> bool:
     return is_sqlite(url) and url.database in (None, "", ":memory:")
 
 
+def identity(given: str | os.PathLike[str] | None) -> tuple[int, ...] | None:
+    """Return what tells a store's SQLite file from another in its place, () where it is no file, None where it is gone.
+
+    An open connection goes on with a file that was deleted, and what it writes is lost with it; another file in its
+    place would be read with what the open one has not written back yet (its -wal). Raises StoreError.
+    """
+    url = parse(store_url(given))
+    if not is_sqlite(url) or in_memory(url):
+        return ()
+    try:
+        found = os.stat(url.database or "")
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
 def shown(url: sa.URL) -> str:
     """Return an address as it may be printed and logged: with *** for passwords, which libpq takes as options too."""
     secret = [key for key in url.query if "password" in key]

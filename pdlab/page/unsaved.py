@@ -1,0 +1,86 @@
+"""A mixture that is not saved yet, kept in the address: ?parts=1,2&shares=62.5&name=Mine&by=mass.
+
+It survives a reload and can be sent as a link; within a session it is there again after another view.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import streamlit as st
+
+from pdlab.page import links
+from pdlab.page.wording import plain
+
+PARTS, NAME, BASIS = "parts", "mixture_name", "basis"  # keys of the form
+BASES = ("solid volume", "mass")
+KEPT = "unsaved_mixture"
+WORDS = ("parts", "shares", "name", "by")  # of the address
+
+
+def share_key(k: int, ids: Sequence[int]) -> str:
+    """Return the key of the share of the aggregate in place k; other aggregates begin with equal shares again."""
+    return f"share_{ids[k]}_of_{'_'.join(map(str, ids))}"
+
+
+def restore(most: int) -> None:
+    """Fill the form by the address, or by what stood in it before another view, once; say what cannot be read.
+
+    ``most``: how many aggregates a mixture has.
+    """
+    if PARTS in st.session_state:
+        return
+    told = {word: st.query_params[word] for word in WORDS if word in st.query_params}
+    told = told or dict(st.session_state.get(KEPT, {}))
+    ids = _ids(told.get("parts", ""), most)
+    st.session_state[PARTS] = ids
+    st.session_state[NAME] = told.get("name", "")
+    st.session_state[BASIS] = BASES[told.get("by") == "mass"]
+    shares = [text for text in told.get("shares", "").split(",") if text.strip()]
+    if len(shares) == len(ids) - 1:
+        for k, text in enumerate(shares):
+            st.session_state[share_key(k, ids)] = text.strip()
+    elif shares and ids:
+        st.warning(
+            plain(
+                f"the address has {len(shares)} shares for {len(ids)} aggregates; it takes one for each but the last, "
+                "which has the rest"
+            )
+        )
+
+
+def _ids(text: str, most: int) -> list[int]:
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    ids = list(dict.fromkeys(key for key in map(links.number, words) if key is not None))
+    if len(ids) != len(words) or len(ids) > most:
+        st.warning(plain(f"'{text}' in the address names no aggregates of a mixture; choose two to {most} of them"))
+        return []
+    return ids
+
+
+def keep() -> None:
+    """Keep what stands in the form in the address and for the session."""
+    ids, name = st.session_state[PARTS], st.session_state[NAME].strip()
+    shares = [st.session_state.get(share_key(k, ids), "") for k in range(len(ids) - 1)]
+    told = {
+        "parts": ",".join(map(str, ids)),
+        "shares": ",".join(text.strip().replace(",", ".") for text in shares) if all(shares) else "",
+        "name": name,
+        "by": "mass" if ids and st.session_state[BASIS] == BASES[1] else "",
+    }
+    said = {word: text for word, text in told.items() if text}
+    st.session_state[KEPT] = said
+    _tell(said)
+
+
+def put_away(saved: bool = False) -> None:
+    """Take an unsaved mixture out of the address; out of the session too where it was ``saved``."""
+    _tell({})
+    if saved:
+        st.session_state.pop(KEPT, None)
+
+
+def _tell(said: Mapping[str, str]) -> None:
+    for word in WORDS:
+        if word not in said and word in st.query_params:
+            del st.query_params[word]
+        elif word in said and st.query_params.get(word) != said[word]:
+            st.query_params[word] = said[word]
