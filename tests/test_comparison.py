@@ -5,10 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from scipy.stats import bootstrap
 
-from pdlab.comparison import MANY, LeftOut, best_constant, errors_of, fitted_to_the_others, gain_over, mean_with_interval
+from pdlab.comparison import (
+    MANY,
+    LeftOut,
+    best_constant,
+    errors_of,
+    fitted_to_the_others,
+    gain_over,
+    mean_with_interval,
+)
 from pdlab.errors import InputError, OutOfReach, TooFewData
 from pdlab.theory import Material, cpm, fit_compaction_index
 
@@ -66,7 +73,7 @@ def test_intervals_of_many_mixtures_are_those_of_resamples_to_what_seeds_differ(
 def test_where_one_mixture_outweighs_the_others_or_there_are_few_the_interval_is_drawn() -> None:
     for count in (MANY - 1, 3 * MANY):
         values = np.random.default_rng(2).normal(0.0, 0.01, count) ** 2
-        values[:: count] = 0.1**2
+        values[::count] = 0.1**2
         found = mean_with_interval(values)
         assert [found.low, found.high] == drawn(values).tolist()
         assert errors_of(np.sqrt(values), 0.999).root_mean_square.low is not None

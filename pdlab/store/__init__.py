@@ -12,8 +12,9 @@ from pdlab.store.descent import (
     with_descent,
 )
 from pdlab.store.keeping import sieve_table, sizes
-from pdlab.store.lists import SHOWN, column_kinds, count_rows, differences, list_rows
+from pdlab.store.lists import SHOWN, Condition, column_kinds, count_rows, differences, list_rows
 from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
+from pdlab.store.parity import Alone, each_alone, methods, names_in_mixtures
 from pdlab.store.revisions import migrate
 from pdlab.store.selects import (
     add_all,
@@ -76,7 +77,9 @@ __all__ = [
     "LEASE",
     "SHOWN",
     "WAITING",
+    "Alone",
     "Claim",
+    "Condition",
     "Key",
     "Store",
     "TableCopy",
@@ -110,6 +113,7 @@ __all__ = [
     "done_predictions",
     "done_runs",
     "drafts",
+    "each_alone",
     "end_wish",
     "ended_sweeps",
     "equal_results",
@@ -124,10 +128,12 @@ __all__ = [
     "last_calibration",
     "last_prediction",
     "list_rows",
+    "methods",
     "migrate",
     "mixtures",
     "mixtures_by_id",
     "mixtures_named",
+    "names_in_mixtures",
     "newest_calibrations",
     "newest_done",
     "newest_engine",
