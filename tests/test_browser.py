@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import FormulaPool
+from conftest import FormulaPool, FormulaRunner
 
 from pdlab import experiments
 from pdlab import store as store_module
@@ -188,3 +188,28 @@ def test_a_prediction_survives_a_closed_tab_and_comes_without_disturbing_what_is
     opened.close()
     expect(again.get_by_text("Voids for paste [L/m³]")).to_be_visible(timeout=20_000)
     expect(again.get_by_role("textbox", name="Largest size D")).to_have_value("31,")
+
+
+def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    from playwright.sync_api import expect
+
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    experiments.predict(opened, FormulaRunner(opened))
+    opened.close()
+    page.goto(f"{served}/predicted-vs-measured?find=m%2B")
+    point = page.locator(".scatterlayer .points path")
+    expect(page.get_by_text("Mean absolute error of monosized, 1 mixture")).to_be_visible(timeout=20_000)
+    point.wait_for()
+    page.wait_for_timeout(500)
+    place = point.bounding_box()
+    x, y = (place[at] + place[size] / 2.0 for at, size in (("x", "width"), ("y", "height")))
+    page.mouse.move(x, y, steps=3)
+    expect(page.locator(".hoverlayer")).to_contain_text("pebbles M+F 1:1")
+    page.mouse.click(x, y)
+    page.wait_for_url(re.compile(r"/mixtures\?mixture=3$"))
+    page.go_back()
+    page.wait_for_url(re.compile(r"/predicted-vs-measured\?find=m%2B$"))
+    expect(page.get_by_label("Search in mixtures")).to_have_value("m+")

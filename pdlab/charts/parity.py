@@ -123,7 +123,7 @@ def _add_cells(figure: go.Figure, density: Density, side: float) -> None:
 def _add_outdated_cells(figure: go.Figure, density: Density, side: float) -> None:
     """Draw the cells of which all predictions are outdated."""
     at = np.flatnonzero(density.current == 0)
-    marker = {"symbol": "square-open", "size": 0.8 * side, "color": INK, "opacity": 0.6}
+    marker = {"symbol": "square-open", "size": 0.8 * side, "color": INK}
     _add_squares(figure, density, at, density.outdated[at], "outdated ones only", marker)
 
 

@@ -172,8 +172,8 @@ def parity(
         density = _density(table, shown) if shown.sum() > MOST_POINTS else None
         inside = shown & _in_cells(table, cells)
         points = _points(session, table, np.flatnonzero(shown if density is None else inside)[-MOST_POINTS:], engine)
-        wanted = [*ids, *(table.ids[place] for place in np.flatnonzero(inside).tolist())]
-        where = [("prediction_id", "in", wanted)] if wanted else filters.all()
+        chosen = {*ids, *(table.ids[place] or 0 for place in np.flatnonzero(inside).tolist())}
+        where = [("prediction_id", "in", sorted(chosen, reverse=True)[:most])] if chosen else filters.all()
         said = [*filters.all(), ("state", "=", "done"), ("message", "!=", None)]
         return Parity(
             mixtures=len(set(table.mixture_id.tolist())),
@@ -185,7 +185,7 @@ def parity(
             states={state: int((table.chosen(filters) & (table.state == state)).sum()) for state in STATES},
             with_warnings=store.count_rows(session, "predictions", said, engine),
             listed=tuple(store.list_rows(session, "predictions", LISTED, where, NEWEST, most, engine)),
-            chosen=len(wanted),
+            chosen=len(chosen),
             **_open(table),
         )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from functools import partial
+from typing import Any
 
 import pandas as pd
 import streamlit as st
@@ -72,6 +73,8 @@ def _chart(target: Store, asked: Filters, found: Parity, picked: Collection[int]
             f"{found.shown} predictions are too many for points: each square of {found.density.width:g} tells how many "
             "lie there; those that are picked are drawn with their bars. "
         )
+        if found.chosen > len(found.points.ids):
+            text += f"Of the {found.chosen} that are picked, {len(found.points.ids)} are drawn. "
     st.caption(text + "A click opens the mixture. To list several, take the box or the lasso above the chart.")
 
 
@@ -84,7 +87,8 @@ def _believe(asked: Filters, found: Parity) -> None:
     assert one.errors is not None
     figure = one.errors.mean_absolute
     st.metric(
-        f"Mean absolute error of {plain(one.method)}, {one.compared} mixtures", f"{figure.value:.4f}",
+        f"Mean absolute error of {plain(one.method)}, {one.compared} mixture{'' if one.compared == 1 else 's'}",
+        f"{figure.value:.4f}",
         None if figure.low is None else f"{figure.low:.4f} to {figure.high:.4f} (95 %)",
         delta_color="off", delta_arrow="off",
         help="How far a prediction is from the measured packing density, in the mean of these mixtures.",
@@ -113,7 +117,7 @@ def _say(found: Parity) -> None:
             for key, name in list(found.open.items())[:LINKED]:
                 links.link(name, "mixtures", mixture=str(key))
         if found.opened > LINKED:
-            st.caption(f"and {found.opened - LINKED} more; `pdlab predict` asks for all.")
+            st.caption(f"and {found.opened - LINKED} more; `pdlab predict` takes them all.")
     if found.unmeasured:
         st.caption(f"{found.unmeasured} more: neither measured nor predicted.")
 
@@ -181,8 +185,9 @@ def _list(target: Store, asked: Filters, found: Parity) -> None:
         st.caption(f"The first {ROWS}; the file holds all that meet the filters.")
     frame = pd.DataFrame(found.listed, columns=list(LISTED))
     picking.show_rows(frame["mixture_id"].tolist())
-    columns = {HEADINGS[name]: st.column_config.NumberColumn(format="%.4f") for name in NUMBERS}
-    st.caption("Mark a row at its left to open the mixture.")
+    columns: dict[str, Any] = {HEADINGS[name]: st.column_config.NumberColumn(format="%.4f") for name in NUMBERS}
+    columns[HEADINGS["message"]] = st.column_config.TextColumn(width="large")
+    st.caption("Tick a row to open its mixture.")
     st.dataframe(
         frame[list(HEADINGS)].rename(columns=HEADINGS), hide_index=True, key="predictions", column_config=columns,
         on_select=_open_row, selection_mode="single-row", placeholder="",
