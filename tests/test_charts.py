@@ -75,7 +75,8 @@ def test_what_is_picked_in_a_parity_chart_stands_out() -> None:
 
 def test_a_density_has_a_square_for_each_cell_coloured_by_the_logarithm_of_its_number() -> None:
     cells = Density(np.array([130, 131, 128]), np.array([131, 131, 120]), np.array([1, 100, 0]), np.array([5, 0, 4]))
-    outdated, current = charts.parity(points((), ()), cells).data[3:]
+    outdated, current, *edges = charts.parity(points((), ()), cells).data[3:]
+    assert sorted(round(edge.y[0] - edge.x[0], 9) for edge in edges) == [-0.02, -0.01, 0.0, 0.01, 0.02]
     assert (list(current.x), list(current.y)) == ([130.5 * 0.005, 131.5 * 0.005], [131.5 * 0.005] * 2)
     assert list(current.marker.color) == [0.0, 2.0]
     assert list(current.customdata) == [[130, 131], [131, 131]]

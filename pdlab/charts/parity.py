@@ -10,14 +10,18 @@ from pdlab.charts.style import BAND, GRID, INK, LINES, shown, styled
 from pdlab.experiments import Density, Points
 from pdlab.quantities import heading, label
 
-HEIGHT, SIDE = 600, 490
+HEIGHT, SIDE = 600, 450
 """Of the figure and of the square within its axes [px]."""
+LINE, BESIDE = 19, 3
+"""Height of the legend's lines [px], and names in each."""
 MARGIN, EMPTY = 0.01, (0.5, 0.75)
 """Packing density [-] beside the outermost points; the ends of the axes without any."""
 TICKS = (0.01, 0.02, 0.05, 0.1)
 """Steps of both axes [-]."""
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "star", "hexagon", "triangle-down")
 FEW_TO_MANY = ((0.0, "#8fc1d4"), (0.5, "#2f7f9e"), (1.0, "#d1495b"))
+OVER = "#f2c14e"
+"""Of the edges of the bands on cells of all colours."""
 CROWDED = 60
 """Points from which on they and their bars are thin."""
 
@@ -37,6 +41,7 @@ def parity(
         side = max(3.0, SIDE * density.width / (ends[1] - ends[0]))
         _add_outdated_cells(figure, density, side)
         _add_cells(figure, density, side)
+        _add_edges(figure, *ends)
     known = (*methods, *(name for name in dict.fromkeys(points.method) if name not in methods))
     for k, method in enumerate(known):
         own = np.array([name == method for name in points.method], dtype=bool)
@@ -46,7 +51,8 @@ def parity(
     axis = {"range": ends, "dtick": apart, "showgrid": True, "gridcolor": GRID, "constrain": "domain"}
     figure.update_xaxes(title=label("measured"), **axis)
     figure.update_yaxes(title=label("predicted"), scaleanchor="x", **axis)
-    styled(figure, HEIGHT)
+    named = sum(series.showlegend is not False for series in figure.data)
+    styled(figure, HEIGHT + LINE * (max(named - 1, 0) // BESIDE))
     return figure.update_layout(showlegend=True, legend={"orientation": "h", "y": -0.14}, margin_t=40)
 
 
@@ -73,6 +79,15 @@ def _add_bands(figure: go.Figure, low: float, high: float) -> None:
     )
 
 
+def _add_edges(figure: go.Figure, low: float, high: float) -> None:
+    """Draw the line and the edges of the bands, over cells that hide them."""
+    for off, dash in ((0.0, "solid"), (0.01, "dash"), (-0.01, "dash"), (0.02, "dot"), (-0.02, "dot")):
+        figure.add_scatter(
+            x=[low, high], y=[low + off, high + off], mode="lines", line={"color": OVER, "width": 1, "dash": dash},
+            hoverinfo="skip", showlegend=False,
+        )  # fmt: skip
+
+
 def _add_points(figure: go.Figure, points: Points, which: NDArray[np.bool_], k: int, picked: Collection[int]) -> None:
     """Draw some predictions by the k-th method, all of them current or all outdated."""
     at = np.flatnonzero(which)
@@ -84,6 +99,7 @@ def _add_points(figure: go.Figure, points: Points, which: NDArray[np.bool_], k: 
     bars = {"type": "data", "thickness": 0.6 if crowded else 1.2, "width": 0 if crowded else 3, "color": colour}
     figure.add_scatter(
         x=points.measured[at], y=points.predicted[at], mode="markers", name=shown(method) + _said(current),
+        legendgroup=method, showlegend=current or not (points.current & (np.array(points.method) == method)).any(),
         error_x=bars | {"array": points.measured_error[at]}, error_y=bars | {"array": points.expected_error[at]},
         marker={"size": 7 if crowded else 10, "color": colour, "symbol": symbol, "opacity": 1.0 if current else 0.6},
         selectedpoints=[place for place, one in enumerate(ids) if one in picked] if picked else None,
