@@ -217,7 +217,9 @@ def test_every_view_is_drawn_without_the_engine_and_the_bed_in_three_dimensions_
     else:
         pytest.fail("nothing is drawn")
     port = f"--server.port={served.rsplit(':', 1)[1]}"
-    (server,) = [one for one in psutil.process_iter() if {"streamlit", port} <= set(one.cmdline())]
+    (server,) = [
+        one for one in psutil.process_iter(["cmdline"]) if {"streamlit", port} <= set(one.info["cmdline"] or ())
+    ]
     assert not [region.path for region in server.memory_maps() if "llvmlite" in region.path]
 
 
@@ -247,3 +249,28 @@ def test_a_report_is_downloaded_and_printed_on_pages_of_a4_without_a_network(
     (sheets,) = {tuple(float(side) for side in box.split()) for box in re.findall(rb"/MediaBox \[([^\]]*)\]", printed)}
     assert sheets == pytest.approx((0.0, 0.0, 595.3, 841.9), abs=1.0)
     assert b"/Title (Mixture pebbles L+F 1:1" in printed
+
+
+def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    from playwright.sync_api import expect
+
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    experiments.predict(opened, FormulaRunner(opened))
+    opened.close()
+    page.goto(f"{served}/predicted-vs-measured?find=m%2B")
+    point = page.locator(".scatterlayer .points path")
+    expect(page.get_by_text("Mean absolute error of monosized, 1 mixture")).to_be_visible(timeout=20_000)
+    point.wait_for()
+    page.wait_for_timeout(500)
+    place = point.bounding_box()
+    x, y = (place[at] + place[size] / 2.0 for at, size in (("x", "width"), ("y", "height")))
+    page.mouse.move(x, y, steps=3)
+    expect(page.locator(".hoverlayer")).to_contain_text("pebbles M+F 1:1")
+    page.mouse.click(x, y)
+    page.wait_for_url(re.compile(r"/mixtures\?mixture=3$"))
+    page.go_back()
+    page.wait_for_url(re.compile(r"/predicted-vs-measured\?find=m%2B$"))
+    expect(page.get_by_label("Search in mixtures")).to_have_value("m+")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pdlab import charts
-from pdlab.experiments import DrawnBed, PredictionReport
+from pdlab.experiments import Density, DrawnBed, Points
 from pdlab.grading import ASTM_C33_FINE, SieveRow, SieveTable, combined, make_grading
 
 
@@ -34,13 +34,57 @@ def test_sieves_too_near_to_be_labelled_are_drawn_without_a_tick() -> None:
     assert len(figure.data[0].x) == 3
 
 
-def test_a_parity_chart_has_both_errors_and_one_range() -> None:
-    report = PredictionReport("M", packing_density=0.66, expected_error=0.01, measured=0.65, measured_error=0.005)
-    figure = charts.parity([report, PredictionReport("without a measurement", packing_density=0.6)])
-    points = figure.data[-1]
-    assert (list(points.x), list(points.y)) == ([0.65], [0.66])
-    assert (list(points.error_x.array), list(points.error_y.array)) == ([0.005], [0.01])
+def points(method: tuple[str, ...], current: tuple[bool, ...]) -> Points:
+    place = np.arange(len(method))
+    return Points(
+        7 + place, tuple(f"<b>{k}" for k in place), method, np.array(current), 0.66 - 0.01 * place,
+        np.full(place.size, 0.012), 0.65 + 0.0 * place, np.where(place == 1, np.nan, 0.005),
+    )  # fmt: skip
+
+
+def test_a_parity_chart_has_both_errors_one_range_and_the_bands() -> None:
+    figure = charts.parity(points(("graded",), (True,)))
+    drawn = figure.data[-1]
+    assert (list(drawn.x), list(drawn.y)) == ([0.65], [0.66])
+    assert (list(drawn.error_x.array), list(drawn.error_y.array)) == ([0.005], [0.012])
     assert figure.layout.xaxis.range == figure.layout.yaxis.range
+    assert figure.layout.yaxis.range[1] > 0.66 + 0.012
+    wide, narrow, line = figure.data[:3]
+    for band, half in ((wide, 0.02), (narrow, 0.01), (line, 0.0)):
+        off = np.array(band.y) - np.array(band.x)
+        assert {round(abs(value), 9) for value in off} == {half}
+
+
+def test_a_parity_chart_tells_methods_and_outdated_predictions_apart() -> None:
+    two = points(("graded", "auto", "graded"), (True, True, False))
+    graded, outdated, auto = charts.parity(two, methods=("graded", "auto")).data[3:]
+    assert [one.name for one in (graded, auto, outdated)] == ["graded", "auto", "graded, outdated"]
+    assert graded.marker.color == outdated.marker.color != auto.marker.color
+    assert outdated.marker.symbol == graded.marker.symbol + "-open"
+    assert [list(one.customdata) for one in (graded, auto, outdated)] == [[[7]], [[8]], [[9]]]
+    assert auto.text[0] == "&lt;b>1<br>by auto<br>measured 0.6500<br>predicted 0.6500 ± 0.0120"
+    alone = charts.parity(points(("auto",), (True,)), methods=("graded", "auto")).data[-1]
+    assert (alone.marker.color, alone.marker.symbol) == (auto.marker.color, auto.marker.symbol)
+
+
+def test_what_is_picked_in_a_parity_chart_stands_out() -> None:
+    three = points(("graded",) * 3, (True,) * 3)
+    assert charts.parity(three).data[-1].selectedpoints is None
+    assert list(charts.parity(three, picked=(8, 40)).data[-1].selectedpoints) == [1]
+
+
+def test_a_density_has_a_square_for_each_cell_coloured_by_the_logarithm_of_its_number() -> None:
+    cells = Density(np.array([130, 131, 128]), np.array([131, 131, 120]), np.array([1, 100, 0]), np.array([5, 0, 4]))
+    outdated, current, *edges = charts.parity(points((), ()), cells).data[3:]
+    assert sorted(round(edge.y[0] - edge.x[0], 9) for edge in edges) == [-0.02, -0.01, 0.0, 0.01, 0.02]
+    assert (list(current.x), list(current.y)) == ([130.5 * 0.005, 131.5 * 0.005], [131.5 * 0.005] * 2)
+    assert list(current.marker.color) == [0.0, 2.0]
+    assert list(current.customdata) == [[130, 131], [131, 131]]
+    assert list(current.text) == ["1 prediction", "100 predictions"]
+    assert list(outdated.customdata) == [[128, 120]]
+    ends = charts.parity(points((), ()), cells).layout.xaxis.range
+    assert ends[0] < 120 * 0.005
+    assert ends[1] > 132 * 0.005
 
 
 def test_a_mixture_s_grading_is_thick_and_its_parts_are_thin() -> None:

@@ -5,8 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import bootstrap
 
-from pdlab.comparison import LeftOut, best_constant, errors_of, fitted_to_the_others, gain_over, mean_with_interval
+from pdlab.comparison import (
+    MANY,
+    LeftOut,
+    best_constant,
+    errors_of,
+    fitted_to_the_others,
+    gain_over,
+    mean_with_interval,
+)
 from pdlab.errors import InputError, OutOfReach, TooFewData
 from pdlab.theory import Material, cpm, fit_compaction_index
 
@@ -44,6 +53,30 @@ def test_the_intervals_of_many_mixtures_hold_the_truth_as_often_as_they_say() ->
             held[name] += getattr(found, name).low <= value <= getattr(found, name).high
     for name, count in held.items():
         assert 0.8 < count / 150 < 0.97, name  # 0.9 but for three standard errors of 150 draws, and 50 mixtures
+
+
+def drawn(values: np.ndarray, seed: int = 1) -> np.ndarray:
+    found = bootstrap((values,), np.mean, n_resamples=9999, method="percentile", rng=np.random.default_rng(seed))
+    return np.array(found.confidence_interval)
+
+
+@pytest.mark.parametrize("power", [1, 2], ids=["differences", "squares"])
+@pytest.mark.parametrize("count", [MANY, 3 * MANY])
+def test_intervals_of_many_mixtures_are_those_of_resamples_to_what_seeds_differ(count: int, power: int) -> None:
+    for seed in range(3):
+        values = np.random.default_rng(seed).standard_t(4, count) ** power
+        error = values.std() / math.sqrt(count)
+        found = mean_with_interval(values)
+        assert np.abs(np.array([found.low, found.high]) - drawn(values)).max() < 0.1 * error  # 3 to 4 deviations
+
+
+def test_where_one_mixture_outweighs_the_others_or_there_are_few_the_interval_is_drawn() -> None:
+    for count in (MANY - 1, 3 * MANY):
+        values = np.random.default_rng(2).normal(0.0, 0.01, count) ** 2
+        values[::count] = 0.1**2
+        found = mean_with_interval(values)
+        assert [found.low, found.high] == drawn(values).tolist()
+        assert errors_of(np.sqrt(values), 0.999).root_mean_square.low is not None
 
 
 def test_an_interval_is_that_of_its_seed() -> None:

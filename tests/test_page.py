@@ -192,30 +192,6 @@ def test_a_name_with_other_values_is_refused_with_the_remedy(lab: Store) -> None
     assert any("give a new delivery its own name" in text for text in plain(app)[1])
 
 
-def test_the_store_s_mixtures_stand_predicted_against_measured(lab: Store) -> None:
-    experiments.register(lab, read_path(SHIPPED))
-    assert any("Not predicted yet: pebbles" in info.value for info in page().info)
-    experiments.predict(lab, FormulaRunner(lab))
-    app = page()
-    frame: pd.DataFrame = next(block.value for block in app.dataframe if "mixture" in block.value)
-    assert list(frame["mixture"]) == ["pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"]
-    assert (frame["± expected"] > 0.0).all()
-    assert list(frame["measured PD"].round(3)) == [0.642, 0.644, 0.621]
-    assert len(app.metric) == 2
-
-
-def test_methods_are_compared_one_at_a_time(lab: Store) -> None:
-    experiments.register(lab, read_path(SHIPPED))
-    for method in ("monosized", "graded"):
-        experiments.predict(lab, FormulaRunner(lab), way=experiments.Way(method))
-    app = page()
-    assert app.radio(key="method").options == ["monosized", "graded"]
-    assert list(app.dataframe[0].value["method"]) == ["monosized"] * 3
-    app.radio(key="method").set_value("graded").run()
-    assert list(app.dataframe[0].value["method"]) == ["graded"] * 3
-    assert app.metric[0].label == "Mean absolute error over 3 mixtures"
-
-
 def test_a_store_that_cannot_be_opened_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "notes.txt"
     file.write_text("no store at all" * 100)

@@ -1,35 +1,163 @@
 """Parity: predicted over measured packing density."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
+import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 
-from pdlab.charts.style import BAND, GRID, INK, SERIES, shown, styled
-from pdlab.experiments import PredictionReport
-from pdlab.quantities import label
+from pdlab.charts.style import BAND, GRID, INK, LINES, shown, styled
+from pdlab.experiments import Density, Points
+from pdlab.quantities import heading, label
+
+HEIGHT, SIDE = 600, 450
+"""Of the figure and of the square within its axes [px]."""
+LINE, BESIDE = 19, 3
+"""Height of the legend's lines [px], and names in each."""
+MARGIN, EMPTY = 0.01, (0.5, 0.75)
+"""Packing density [-] beside the outermost points; the ends of the axes without any."""
+TICKS = (0.01, 0.02, 0.05, 0.1)
+"""Steps of both axes [-]."""
+SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "star", "hexagon", "triangle-down")
+FEW_TO_MANY = ((0.0, "#8fc1d4"), (0.5, "#2f7f9e"), (1.0, "#d1495b"))
+OVER = "#f2c14e"
+"""Of the edges of the bands on cells of all colours."""
+CROWDED = 60
+"""Points from which on they and their bars are thin."""
 
 
-def parity(reports: Sequence[PredictionReport]) -> go.Figure:
-    """Return predicted over measured packing density with both errors, the line, ±0.01 and ±0.02 bands."""
-    both = [report for report in reports if report.packing_density is not None and report.measured is not None]
-    values = [value for report in both for value in (report.packing_density or 0.0, report.measured or 0.0)]
-    low, high = (min(values) - 0.04, max(values) + 0.04) if values else (0.5, 0.75)
-    figure = go.Figure()
+def parity(
+    points: Points, density: Density | None = None, methods: Sequence[str] = (), picked: Collection[int] = ()
+) -> go.Figure:
+    """Return predicted over measured packing density with both errors, the line, ±0.01 and ±0.02 bands.
+
+    Points in the colour and symbol that their place among ``methods`` gives; hollow where the prediction is outdated;
+    all but those ``picked`` by their ids are pale. With a ``density`` squares behind them, coloured by how many
+    predictions lie there. What a click on one tells (``customdata``): a prediction's id, or a cell's column and row.
+    """
+    figure, ends = go.Figure(), _ends(points, density)
+    _add_bands(figure, *ends)
+    if density is not None:
+        side = max(3.0, SIDE * density.width / (ends[1] - ends[0]))
+        _add_outdated_cells(figure, density, side)
+        _add_cells(figure, density, side)
+        _add_edges(figure, *ends)
+    known = (*methods, *(name for name in dict.fromkeys(points.method) if name not in methods))
+    for k, method in enumerate(known):
+        own = np.array([name == method for name in points.method], dtype=bool)
+        for current in (True, False):
+            _add_points(figure, points, own & (points.current == current), k, picked)
+    apart = next((step for step in TICKS if ends[1] - ends[0] <= 9.0 * step), TICKS[-1])
+    axis = {"range": ends, "dtick": apart, "showgrid": True, "gridcolor": GRID, "constrain": "domain"}
+    figure.update_xaxes(title=label("measured"), **axis)
+    figure.update_yaxes(title=label("predicted"), scaleanchor="x", **axis)
+    named = sum(series.showlegend is not False for series in figure.data)
+    styled(figure, HEIGHT + LINE * (max(named - 1, 0) // BESIDE))
+    return figure.update_layout(showlegend=True, legend={"orientation": "h", "y": -0.14}, margin_t=40)
+
+
+def _ends(points: Points, density: Density | None) -> tuple[float, float]:
+    """Return the ends of both axes, between which all bars lie."""
+    values = list[NDArray[np.floating]]()
+    for middle, error in ((points.measured, points.measured_error), (points.predicted, points.expected_error)):
+        values += [middle - np.nan_to_num(error), middle + np.nan_to_num(error)]
+    if density is not None:
+        values += [density.width * (cells + add) for cells in (density.column, density.row) for add in (0, 1)]
+    together = np.concatenate(values)
+    return (float(together.min()) - MARGIN, float(together.max()) + MARGIN) if together.size else EMPTY
+
+
+def _add_bands(figure: go.Figure, low: float, high: float) -> None:
+    """Draw the line of equal values and the bands around it."""
     for band in (0.02, 0.01):
         figure.add_scatter(
-            x=[low, high, high, low], y=[low + band, high + band, high - band, low - band],
-            mode="lines", fill="toself", fillcolor=BAND, line={"width": 0}, hoverinfo="skip",
+            x=[low, high, high, low], y=[low + band, high + band, high - band, low - band], mode="lines",
+            fill="toself", fillcolor=BAND, line={"width": 0}, hoverinfo="skip", showlegend=False,
         )  # fmt: skip
-    figure.add_scatter(x=[low, high], y=[low, high], mode="lines", line={"color": INK, "width": 1}, hoverinfo="skip")
     figure.add_scatter(
-        x=[report.measured for report in both],
-        y=[report.packing_density for report in both],
-        error_x={"type": "data", "array": [report.measured_error for report in both], "thickness": 1.2},
-        error_y={"type": "data", "array": [report.expected_error for report in both], "thickness": 1.2},
-        mode="markers", marker={"size": 10, "color": SERIES},
-        text=[shown(report.mixture) for report in both],
-        hovertemplate="%{text}<br>measured %{x:.4f}<br>predicted %{y:.4f}<extra></extra>",
+        x=[low, high], y=[low, high], mode="lines", line={"color": INK, "width": 1}, hoverinfo="skip", showlegend=False
+    )
+
+
+def _add_edges(figure: go.Figure, low: float, high: float) -> None:
+    """Draw the line and the edges of the bands, over cells that hide them."""
+    for off, dash in ((0.0, "solid"), (0.01, "dash"), (-0.01, "dash"), (0.02, "dot"), (-0.02, "dot")):
+        figure.add_scatter(
+            x=[low, high], y=[low + off, high + off], mode="lines", line={"color": OVER, "width": 1, "dash": dash},
+            hoverinfo="skip", showlegend=False,
+        )  # fmt: skip
+
+
+def _add_points(figure: go.Figure, points: Points, which: NDArray[np.bool_], k: int, picked: Collection[int]) -> None:
+    """Draw some predictions by the k-th method, all of them current or all outdated."""
+    at = np.flatnonzero(which)
+    if not at.size:
+        return
+    current, ids = bool(points.current[at[0]]), points.ids[at].tolist()
+    colour, crowded = LINES[k % len(LINES)], len(points.ids) >= CROWDED
+    method, symbol = points.method[at[0]], SYMBOLS[k % len(SYMBOLS)] + ("" if current else "-open")
+    bars = {"type": "data", "thickness": 0.6 if crowded else 1.2, "width": 0 if crowded else 3, "color": colour}
+    figure.add_scatter(
+        x=points.measured[at], y=points.predicted[at], mode="markers", name=shown(method) + _said(current),
+        legendgroup=method, showlegend=current or not (points.current & (np.array(points.method) == method)).any(),
+        error_x=bars | {"array": points.measured_error[at]}, error_y=bars | {"array": points.expected_error[at]},
+        marker={"size": 7 if crowded else 10, "color": colour, "symbol": symbol, "opacity": 1.0 if current else 0.6},
+        selectedpoints=[place for place, one in enumerate(ids) if one in picked] if picked else None,
+        unselected={"marker": {"opacity": 0.15}}, customdata=[[one] for one in ids],
+        text=[_told(points, int(place)) for place in at], hovertemplate="%{text}<extra></extra>",
     )  # fmt: skip
-    figure.update_xaxes(range=[low, high], title=label("measured"), gridcolor=GRID, constrain="domain")
-    figure.update_yaxes(range=[low, high], title=label("predicted"), gridcolor=GRID, scaleanchor="x")
-    return styled(figure, 520)
+
+
+def _told(points: Points, k: int) -> str:
+    """Return what stands beside a point under the mouse."""
+    lines = [shown(points.mixture[k]), f"by {shown(points.method[k])}{_said(bool(points.current[k]))}"]
+    both = (
+        ("measured", points.measured[k], points.measured_error[k]),
+        ("predicted", points.predicted[k], points.expected_error[k]),
+    )
+    lines += [f"{name} {value:.4f}" + ("" if np.isnan(error) else f" ± {error:.4f}") for name, value, error in both]
+    return "<br>".join(lines)
+
+
+def _said(current: bool) -> str:
+    return "" if current else ", outdated"
+
+
+def _add_cells(figure: go.Figure, density: Density, side: float) -> None:
+    """Draw the cells with predictions that are current, coloured by the logarithm of how many."""
+    at = np.flatnonzero(density.current)
+    counts = density.current[at]
+    ticks = [value for power in range(6) for value in (10**power, 3 * 10**power) if value <= max(counts, default=1)]
+    bar = {
+        "title": {"text": "number", "font": {"size": 13}}, "tickvals": np.log10(ticks),
+        "ticktext": [f"{one}" for one in ticks], "thickness": 12, "len": 0.6,
+    }  # fmt: skip
+    marker = {"symbol": "square", "size": side, "color": np.log10(counts), "colorscale": FEW_TO_MANY, "colorbar": bar}
+    _add_squares(figure, density, at, counts, "predictions, by their number", marker)
+
+
+def _add_outdated_cells(figure: go.Figure, density: Density, side: float) -> None:
+    """Draw the cells of which all predictions are outdated."""
+    at = np.flatnonzero(density.current == 0)
+    marker = {"symbol": "square-open", "size": 0.8 * side, "color": INK}
+    _add_squares(figure, density, at, density.outdated[at], "outdated ones only", marker)
+
+
+def _add_squares(
+    figure: go.Figure,
+    density: Density,
+    at: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    name: str,
+    marker: dict[str, object],
+) -> None:
+    if not at.size:
+        return
+    column, row = density.column[at], density.row[at]
+    figure.add_scatter(
+        x=density.width * (column + 0.5), y=density.width * (row + 0.5), mode="markers", name=name, marker=marker,
+        customdata=np.stack([column, row], axis=1).tolist(),
+        text=[f"{count} prediction{'' if count == 1 else 's'}" for count in counts],
+        hovertemplate=f"%{{text}}<br>{heading('measured')} %{{x:.4f}}, {heading('predicted')} %{{y:.4f}} "
+        f"± {density.width / 2.0:g}<extra></extra>",
+    )  # fmt: skip

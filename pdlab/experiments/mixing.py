@@ -120,7 +120,7 @@ def register_mixture(target: Store, name: str, ids: Sequence[int], shares: Seque
 def mixture_names(target: Store, most: int) -> dict[int, str]:
     """Return the names of so many of the newest mixtures by their ids, the newest first."""
     with target.read() as session:
-        return {row.id: row.name for row in reversed(store.mixtures(session, newest=most))}
+        return store.newest_mixtures(session, most)
 
 
 def ask_prediction(target: Store, mixture_id: int, method: str) -> str:

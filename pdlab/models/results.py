@@ -2,7 +2,7 @@
 
 import datetime as dt
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, String
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, String, text
 from sqlalchemy.orm import Mapped, mapped_column, relationship
 
 from pdlab.models.columns import Base, now, one_of
@@ -14,6 +14,10 @@ RUN_LIST = (
     "seconds", "rest", "engine_version",
 )  # fmt: skip
 """What lists show of a run: one index holds it all, so that none reads the specimens of a large store."""
+
+
+_KNOWN = text("engine_version > 0")
+"""Of the index that tells the newest engine: a partial one, or lists would go through it row by row."""
 
 
 class Wish:
@@ -49,7 +53,7 @@ class Run(Base):
         ),
         CheckConstraint("steps >= 0 AND seconds >= 0", name="effort"),
         Index("ix_run_list", *RUN_LIST),
-        Index(None, "engine_version"),
+        Index("ix_run_newest_engine", "engine_version", sqlite_where=_KNOWN, postgresql_where=_KNOWN),
     )
     specimen_hash: Mapped[str] = mapped_column(String(64), primary_key=True)
     specimen: Mapped[str]

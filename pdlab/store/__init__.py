@@ -12,8 +12,9 @@ from pdlab.store.descent import (
     with_descent,
 )
 from pdlab.store.keeping import sieve_table, sizes
-from pdlab.store.lists import SHOWN, column_kinds, count_rows, differences, list_rows
+from pdlab.store.lists import SHOWN, Condition, column_kinds, count_rows, differences, list_rows
 from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
+from pdlab.store.parity import Alone, each_alone, methods, names_in_mixtures, newest_mixtures
 from pdlab.store.revisions import head, migrate
 from pdlab.store.selects import (
     add_all,
@@ -83,7 +84,9 @@ __all__ = [
     "LEASE",
     "SHOWN",
     "WAITING",
+    "Alone",
     "Claim",
+    "Condition",
     "Key",
     "Store",
     "TableCopy",
@@ -117,6 +120,7 @@ __all__ = [
     "done_predictions",
     "done_runs",
     "drafts",
+    "each_alone",
     "end_wish",
     "ended_sweeps",
     "equal_results",
@@ -134,13 +138,16 @@ __all__ = [
     "last_prediction",
     "list_rows",
     "measured_blends",
+    "methods",
     "migrate",
     "mixtures",
     "mixtures_by_id",
     "mixtures_named",
+    "names_in_mixtures",
     "newest_calibrations",
     "newest_done",
     "newest_engine",
+    "newest_mixtures",
     "newest_predictions",
     "newest_sweeps",
     "newest_test",

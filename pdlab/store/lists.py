@@ -12,14 +12,28 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from pdlab.models import Aggregate, Comparison, Correction, Mixture, MixtureComponent, Run, UtcDateTime
+from pdlab.density import DEFAULT_ERROR
+from pdlab.models import (
+    Aggregate,
+    Comparison,
+    Correction,
+    Mixture,
+    MixtureComponent,
+    PackingTest,
+    Run,
+    UtcDateTime,
+)
 
 Column = sa.ColumnElement[Any]
 Columns = Mapping[str, Column]
 Row = tuple[Any, ...]
 Value = str | float | dt.date | None
-Condition = tuple[str, str, Value]
-"""A column, one of = != < <= > >= ~ (contains), and a value, None for missing; points in time go by their day, UTC."""
+Condition = tuple[str, str, Value | Sequence[Value]]
+"""A column, one of = != < <= > >= ~ (contains), and a value, None for missing; points in time go by their day, UTC.
+
+Or ``in`` and the values of which it is one; or ``mixture_id``, ``holds`` and names of aggregates, one or more of which
+the mixture holds.
+"""
 
 SHOWN = {
     "aggregates": (
@@ -54,6 +68,8 @@ CURRENT = _view(
 )  # fmt: skip
 PAIRS: sa.Table = Comparison.__table__  # type: ignore[assignment]
 PAIR_KEY = ("mixture_id", "prediction_id")
+OF_TEST = {"tested", "measured_error"}
+"""Columns of the predictions that the mixtures' density tests are read for."""
 
 
 @dataclass(frozen=True)
@@ -132,9 +148,35 @@ def _predictions(names: Collection[str], engine_version: int) -> _List:
         same = (spread.c.method == PAIRS.c.method) & spread.c.engine_version.is_not_distinct_from(
             PAIRS.c.engine_version
         )
-        source = PAIRS.outerjoin(spread, same)
+        source = source.outerjoin(spread, same)
         columns["expected_error"] = _expected_error(spread)
+    if not OF_TEST.isdisjoint(names):
+        test = PackingTest.__table__
+        source = source.outerjoin(test, _is_newest(test))
+        columns |= {"tested": _tested(test), "measured_error": _measured_error(test)}
     return _List(source, columns, (PAIRS.c.mixture_id, PAIRS.c.prediction_id))
+
+
+def _is_newest(test: sa.FromClause) -> Column:
+    """Return whether a density test is the current one of the mixture; looked up for each, a join of all is slow."""
+    other = PackingTest.__table__.alias("other")
+    newest = sa.select(sa.func.max(other.c.id)).where(other.c.mixture_id == PAIRS.c.mixture_id)
+    return test.c.id == newest.correlate(PAIRS).scalar_subquery()
+
+
+def _tested(test: sa.FromClause) -> Column:
+    """Return the day of a density test or, where that is not said, the day when it was entered."""
+    return sa.func.coalesce(test.c.date, sa.func.date(test.c.created_at, type_=sa.Date), type_=sa.Date)
+
+
+def _measured_error(test: sa.FromClause) -> Column:
+    """Return the standard error of the measured packing density [-], as ``density.measured_packing`` has it."""
+    bulk = test.c.bulk_density_kg_m3
+    in_voids = sa.case((test.c.voids_percent.is_not(None), 0.01), else_=1.0)
+    scale = sa.case((bulk.is_not(None), PAIRS.c.measured / bulk), else_=in_voids)
+    repeats = sa.type_coerce(sa.func.coalesce(test.c.repeats, 1), sa.Double)
+    stated = test.c.standard_deviation * scale / sa.func.sqrt(repeats, type_=sa.Float)
+    return sa.case((PAIRS.c.measured.is_not(None), sa.func.coalesce(stated, DEFAULT_ERROR, type_=sa.Float)))
 
 
 def _spread() -> sa.Select[Any]:
@@ -188,8 +230,8 @@ def _list(what: str, names: Collection[str], engine_version: int) -> _List:
 
 def column_kinds(what: str) -> dict[str, type]:
     """Return the columns of a list, those shown first, each with str, float or dt.date, the kind of its values."""
-    kinds = {str: str, int: float, float: float, dt.datetime: dt.date}
-    columns = _list(what, SHOWN[what], 0).columns
+    kinds = {str: str, int: float, float: float, dt.datetime: dt.date, dt.date: dt.date}
+    columns = _list(what, {*SHOWN[what], *OF_TEST}, 0).columns
     return {name: kinds[columns[name].type.python_type] for name in dict.fromkeys((*SHOWN[what], *columns))}
 
 
@@ -257,16 +299,24 @@ COMPARISONS: dict[str, Callable[[Column, Any], Column]] = {
     ">": operator.gt,
     ">=": operator.ge,
     "~": lambda column, value: column.icontains(value, autoescape=True),
+    "in": lambda column, values: column.in_(values),
+    "holds": lambda column, names: column.in_(_holding(names)),
 }
 
 
-def _meets(column: Column, comparison: str, value: Value) -> Column:
+def _holding(names: Sequence[str]) -> sa.Select[Any]:
+    """Return the mixtures that hold one or more of the aggregates of these names."""
+    part, one = MixtureComponent.__table__, Aggregate.__table__
+    return sa.select(part.c.mixture_id).join_from(part, one).where(one.c.name.in_(names))
+
+
+def _meets(column: Column, comparison: str, value: Value | Sequence[Value]) -> Column:
     if value is None:
         missing = sa.func.coalesce(column, "") == "" if column.type.python_type is str else column.is_(None)
         return missing if comparison == "=" else sa.not_(missing)
     if isinstance(value, float):
         return COMPARISONS[comparison](sa.type_coerce(column, sa.Double), value)  # a whole number's column too
-    if isinstance(value, str):
+    if not isinstance(value, dt.date) or isinstance(column.type, sa.Date):
         return COMPARISONS[comparison](column, value)
     first, last = (dt.datetime.combine(value, time, dt.UTC) for time in (dt.time.min, dt.time.max))
     if comparison in ("=", "!="):

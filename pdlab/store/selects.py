@@ -267,7 +267,7 @@ def find_bed(session: Session, beginning: str) -> tuple[Run, RunState]:
 
 def newest_engine(session: Session) -> int | None:
     """Return the newest engine version that any run of the store is of, None without runs."""
-    return session.scalar(sa.select(sa.func.max(Run.engine_version)))
+    return session.scalar(sa.select(sa.func.max(Run.engine_version)).where(Run.engine_version > sa.literal_column("0")))
 
 
 def calibrations(session: Session, aggregate_ids: Sequence[int] | None = None) -> list[Calibration]:

@@ -18,7 +18,7 @@ from pdlab.tables.layout import (
 from pdlab.tables.pasted import PastedRow, check_pasted, read_cells, split_lines, split_pasted
 from pdlab.tables.sievefiles import SieveSheet, read_sieve_file
 from pdlab.tables.slicing import Brought, Slice, Slices, slices, slices_of_frame
-from pdlab.tables.writing import check_target, write_tables
+from pdlab.tables.writing import check_target, csv_text, write_tables
 
 __all__ = [
     "DENSITY_KINDS",
@@ -41,6 +41,7 @@ __all__ = [
     "check_columns",
     "check_pasted",
     "check_target",
+    "csv_text",
     "parse_aperture",
     "parse_condition",
     "parse_integer",

@@ -3,6 +3,7 @@
 import csv
 import datetime as dt
 import io
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from pdlab.tables.workbooks import WORKBOOK
 
 LONGEST_TEXT = 32_767
 """Characters that Excel keeps in a cell."""
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What begins a formula in a spreadsheet."""
 
 
 def check_target(path: Path) -> None:
@@ -54,6 +57,22 @@ def _lines(kind: str, rows: list[dict[str, str]]) -> list[list[str]]:
     """Return a table's header and its lines, with the columns of which a cell is filled."""
     header = [name for name in LAYOUT[kind] if any(row.get(name) for row in rows)]
     return [header, *([row.get(name, "") for name in header] for row in rows)]
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as CSV to be looked at in a spreadsheet: numbers with all their digits and a decimal point.
+
+    A text that a spreadsheet would take for a formula has an apostrophe before it.
+    """
+    text = io.StringIO(newline="")
+    lines = csv.writer(text, lineterminator="\n")
+    lines.writerow(columns)
+    lines.writerows([_harmless(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _harmless(value: object) -> object:
+    return f"'{value}" if isinstance(value, str) and value.lstrip(" ").startswith(FORMULA) else value
 
 
 def _csv(lines: list[list[str]]) -> bytes:
