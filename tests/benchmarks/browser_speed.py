@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import psutil
-from page_speed import SCALE
+from page_speed import filled
 from playwright.sync_api import sync_playwright
-from store_speed import build
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -114,14 +113,16 @@ VIEWS = {
     "aggregates": ("", 1),
     "calibration": ("", 1),
     "mixtures": ("?mixture=9990", 1),
-    "proportions": ("", 0),
+    "proportions": ("?sweep=2", 1),
     "new-aggregate": ("", 0),
 }
 """What stands behind a view's address, and how many charts it draws."""
 STEPS = (
+    Step("predicted-vs-measured", "another search", write("Search in mixtures", ("mix 00", "mix 01"))),
     Step("aggregates", "another search", write("Search", ("gravel 01", "gravel 02"))),
     Step("calibration", "another aggregate", choose("Aggregate")),
     Step("mixtures", "another mixture", choose("Mixture")),
+    Step("proportions", "another sweep", choose("Sweep")),
     Step("new-aggregate", "another name", write("Name of the aggregate", ("A", "B"))),
 )
 
@@ -251,9 +252,7 @@ def crowded(endpoint: str, url: str, count: int, seconds: float) -> None:
 
 def main(path: Path, count: int, seconds: float) -> None:
     """Build the store where there is none, and print the tables."""
-    target = store.open_store(path)
-    if target.created:
-        build(target, SCALE)
+    target = filled(path)
     target.close()
     browser_path = next(found for name in NAMES if (found := shutil.which(name)))
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:

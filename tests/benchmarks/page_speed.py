@@ -1,7 +1,8 @@
 """How long the server takes to draw each view again, of a large store.
 
-``python tests/benchmarks/page_speed.py [FILE]``: builds a store of 100 000 runs and 10 000 mixtures in FILE (in a
-temporary folder by default), or takes the one that is there. Each time is the least of five, in ms of the processor.
+``python tests/benchmarks/page_speed.py [FILE]``: builds a store of 100 000 runs, 10 000 mixtures and two sweeps in FILE
+(in a temporary folder by default), or takes the one that is there. Each time is the least of five, in ms of the
+processor.
 """
 
 import os
@@ -14,17 +15,44 @@ from store_speed import build
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
 
-from pdlab import store
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from conftest import FormulaRunner
+
+from pdlab import experiments, store
 from pdlab.page import app
+from pdlab.store import Store
 
 SCALE = 0.5
 """Of the store of ``store_speed.py``."""
+SWEPT = ("gravel 0001", "gravel 0002", "gravel 0003")
+VIEWS: dict[str, tuple[dict[str, str], ...]] = {
+    "predicted-vs-measured": ({}, {"find": "mix 01"}, {"method": "monosized"}, {"holds": "gravel 0001"}),
+    "aggregates": ({},),
+    "calibration": ({}, {"aggregate": "7"}),
+    "mixtures": ({}, {"mixture": "9990"}),
+    "proportions": ({}, {"sweep": "1"}, {"sweep": "2"}),
+    "new-aggregate": ({},),
+}
+"""What stands behind each view's address."""
 
 
-def spent(address: str) -> float:
+def filled(path: Path) -> Store:
+    """Open the store in a file; a new one is filled, the beds of its sweeps worked out by the tests' formula."""
+    target = store.open_store(path)
+    if target.created:
+        build(target, SCALE)
+        for count in (2, 3):
+            experiments.sweep_aggregates(target, FormulaRunner(target), SWEPT[:count])
+    return target
+
+
+def spent(address: str, query: dict[str, str]) -> float:
     """Return the least time [ms] that a view takes to be drawn again."""
     view = AppTest.from_file(app.__file__, default_timeout=60)
     view._page_hash = calc_hash(address)
+    for name, text in query.items():
+        view.query_params[name] = text
     view.run()
     assert not view.exception
     times = []
@@ -37,13 +65,14 @@ def spent(address: str) -> float:
 
 def main(path: Path) -> None:
     """Build the store where there is none, and print the table."""
-    target = store.open_store(path)
-    if target.created:
-        build(target, SCALE)
+    target = filled(path)
     target.close()
     os.environ["PDLAB_STORE"] = target.url
-    for address in app.VIEWS:
-        print(f"{spent(address):8.1f}  /{address}", flush=True)
+    assert VIEWS.keys() == app.VIEWS.keys()
+    for address, queries in VIEWS.items():
+        for query in queries:
+            text = "&".join(f"{name}={value}" for name, value in query.items())
+            print(f"{spent(address, query):8.1f}  /{address}{'?' * bool(text)}{text}", flush=True)
 
 
 if __name__ == "__main__":
