@@ -73,15 +73,32 @@ def test_what_is_picked_in_a_parity_chart_stands_out() -> None:
     assert list(charts.parity(three, picked=(8, 40)).data[-1].selectedpoints) == [1]
 
 
+def test_the_bars_of_many_points_are_one_line_with_a_gap_after_each() -> None:
+    many = points(("A",) * 60, (True,) * 60)
+    bars, drawn = charts.parity(many).data[3:]
+    assert (drawn.error_x.array, drawn.error_y.array) == (None, None)
+    x, y = (np.reshape(values, (60, 2, 3)) for values in (bars.x, bars.y))
+    assert np.isnan(x[:, :, 2]).all()
+    assert np.isnan(y[:, :, 2]).all()
+    for ends, other, middle, error, beside in (
+        (x[:, 0], y[:, 0], many.measured, many.measured_error, many.predicted),
+        (y[:, 1], x[:, 1], many.predicted, many.expected_error, many.measured),
+    ):
+        assert ends[:, :2] == pytest.approx(
+            np.stack([middle - np.nan_to_num(error), middle + np.nan_to_num(error)], axis=1)
+        )
+        assert other[:, :2] == pytest.approx(np.stack([beside, beside], axis=1))
+
+
 def test_a_density_has_a_square_for_each_cell_coloured_by_the_logarithm_of_its_number() -> None:
     cells = Density(np.array([130, 131, 128]), np.array([131, 131, 120]), np.array([1, 100, 0]), np.array([5, 0, 4]))
     outdated, current, *edges = charts.parity(points((), ()), cells).data[3:]
     assert sorted(round(edge.y[0] - edge.x[0], 9) for edge in edges) == [-0.02, -0.01, 0.0, 0.01, 0.02]
     assert (list(current.x), list(current.y)) == ([130.5 * 0.005, 131.5 * 0.005], [131.5 * 0.005] * 2)
     assert list(current.marker.color) == [0.0, 2.0]
-    assert list(current.customdata) == [[130, 131], [131, 131]]
+    assert list(current.customdata) == [[130, 131, 1], [131, 131, 1]]
     assert list(current.text) == ["1 prediction", "100 predictions"]
-    assert list(outdated.customdata) == [[128, 120]]
+    assert list(outdated.customdata) == [[128, 120, 1]]
     ends = charts.parity(points((), ()), cells).layout.xaxis.range
     assert ends[0] < 120 * 0.005
     assert ends[1] > 132 * 0.005

@@ -155,9 +155,11 @@ def event(*customdata: list[int], **drawn: list[dict[str, list[float]]]) -> dict
 
 def test_one_click_is_told_from_a_box_and_a_lasso() -> None:
     assert picked(event([7])) == Picked((7,), (), True)
-    assert picked(event([130, 125])) == Picked((), ((130, 125),), True)
+    assert picked(event([130, 125, 1])) == Picked((), ((130, 125, 1),), True)
     assert picked(event([7], box=[{"x": [0.5, 0.7], "y": [0.5, 0.7]}])) == Picked((7,), (), False)
-    assert picked(event([7], [130, 125], [7], lasso=[{"x": [0.5], "y": [0.7]}])) == Picked((7,), ((130, 125),), False)
+    assert picked(event([7], [130, 125, 1], [7], lasso=[{"x": [0.5], "y": [0.7]}])) == Picked(
+        (7,), ((130, 125, 1),), False
+    )
     assert picked(event()) == picked({}) == Picked()
 
 

@@ -196,11 +196,29 @@ def test_more_points_than_can_be_told_apart_are_counted_by_cells(lab: Store, mon
     cells = list(zip(found.density.column.tolist(), found.density.row.tolist(), strict=True))
     own = np.floor(np.stack([points.measured, points.predicted]) / found.density.width).astype(int)
     assert set(cells) == set(zip(*own.tolist(), strict=True))
-    picked = parity(lab, cells=cells[:1])
+    picked = parity(lab, cells=[(*cells[0], 1)])
     wanted = {key for key, cell in zip(points.ids.tolist(), zip(*own.tolist(), strict=True), strict=True)
               if cell == cells[0]}  # fmt: skip
     assert set(picked.points.ids.tolist()) == {row[0] for row in picked.listed} == wanted
     assert not np.isnan(picked.points.expected_error).any()
+
+
+def test_cells_grow_until_there_are_not_too_many_and_hold_the_same(lab: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ROOM, "MOST_POINTS", 1)
+    finest = parity(lab).density
+    assert finest is not None
+    monkeypatch.setattr(ROOM, "MOST_CELLS", finest.column.size - 1)
+    found = parity(lab).density
+    assert found is not None
+    assert found.times in ROOM.WIDER[1:]
+    assert found.column.size < finest.column.size
+    assert (found.current + found.outdated).sum() == (finest.current + finest.outdated).sum()
+    monkeypatch.setattr(ROOM, "MOST_CELLS", 0)
+    widest = parity(lab).density
+    assert widest is not None
+    assert widest.times == ROOM.WIDER[-1]
+    cell = (int(widest.column[0]), int(widest.row[0]), widest.times)
+    assert parity(lab, cells=[cell]).chosen == widest.current[0] + widest.outdated[0]
 
 
 def test_two_thousand_are_points_and_one_more_are_not() -> None:

@@ -21,12 +21,15 @@ from pdlab.experiments.references import REFERENCES
 from pdlab.store import Store
 
 Numbers = NDArray[np.float64]
-Cell = tuple[int, int]
+Cell = tuple[int, int, int]
+"""A cell of the parity plane: column, row and width in units of CELL."""
 
 MOST_POINTS = 2000
 """Predictions that are drawn one by one; more are counted by cells."""
 CELL = 0.005
-"""Width of a cell of the parity plane [-], half of the narrow band."""
+"""Width of a cell of the parity plane [-], half of the narrow band, or ..."""
+WIDER, MOST_CELLS = (1, 2, 4, 8), 500
+"""... so many times as wide, the first that makes no more cells than a browser draws at once."""
 NAMED = 20
 """Mixtures without a prediction that are told by name."""
 STATES = ("done", "outdated", "failed")
@@ -98,14 +101,20 @@ class Points:
 class Density:
     """How many predictions lie in each cell of the parity plane that holds any; arrays of shape (C,).
 
-    ``column``, ``row``: the cell's measured and predicted packing density over its ``width`` [-], rounded down.
+    ``column``, ``row``: the cell's measured and predicted packing density over its ``width`` [-], rounded down; the
+    width is ``times`` CELL.
     """
 
     column: NDArray[np.int64]
     row: NDArray[np.int64]
     current: NDArray[np.int64]
     outdated: NDArray[np.int64]
-    width: float = CELL
+    times: int = 1
+
+    @property
+    def width(self) -> float:
+        """Width of a cell [-]."""
+        return CELL * self.times
 
 
 @dataclass(frozen=True)
@@ -178,7 +187,7 @@ def parity(
         return Parity(
             mixtures=len(set(table.mixture_id.tolist())),
             measured=len(set(table.mixture_id[~np.isnan(table.measured)].tolist())),
-            judged=_judge(session, table),
+            judged=_judge(session, table, not filters.of_mixtures()),
             shown=int(shown.sum()),
             points=points,
             density=density,
@@ -221,16 +230,15 @@ class _Table:
     predicted: Numbers
     measured: Numbers
     mixture: list[str]
-    compaction: list[str | None]
+    compaction: NDArray[np.str_]
 
     @classmethod
     def of(cls, rows: Sequence[tuple[Any, ...]]) -> "_Table":
         columns = zip(*rows, strict=True) if rows else ((),) * len(_READ)
         mixtures, ids, methods, states, predicted, measured, names, compactions = columns
         return cls(
-            np.array(mixtures, dtype=np.int64), list(ids), np.array([one or "" for one in methods], dtype=np.str_),
-            np.array(states, dtype=np.str_), np.array(predicted, dtype=float), np.array(measured, dtype=float),
-            list(names), list(compactions),
+            np.array(mixtures, dtype=np.int64), list(ids), _texts(methods), _texts(states),
+            np.array(predicted, dtype=float), np.array(measured, dtype=float), list(names), _texts(compactions),
         )  # fmt: skip
 
     @property
@@ -252,9 +260,17 @@ class _Table:
         return out
 
 
-def _judge(session: Session, table: _Table) -> tuple[Judged, ...]:
-    """Return each method's errors, that of the most mixtures first."""
-    alone = store.each_alone(session) if table.current.any() else {}
+def _texts(values: Sequence[str | None]) -> NDArray[np.str_]:
+    """Return texts of which most are equal as an array, empty where one is missing."""
+    known = {text: place for place, text in enumerate(dict.fromkeys(values))}
+    texts = np.array([text or "" for text in known], dtype=np.str_)
+    return texts[np.fromiter(map(known.__getitem__, values), dtype=np.intp, count=len(values))]
+
+
+def _judge(session: Session, table: _Table, is_whole: bool) -> tuple[Judged, ...]:
+    """Return each method's errors, that of the most mixtures first; ``is_whole``: the table holds all mixtures."""
+    ids = np.unique(table.mixture_id[table.current])
+    alone = store.each_alone(session, None if is_whole else ids.tolist()) if ids.size else {}
     names = sorted(set(table.method[table.method != ""].tolist()))
     found = [_judged(name, table, np.flatnonzero(table.current & (table.method == name)), alone) for name in names]
     return tuple(sorted(found, key=lambda one: -one.compared))
@@ -263,10 +279,11 @@ def _judge(session: Session, table: _Table) -> tuple[Judged, ...]:
 def _judged(method: str, table: _Table, at: NDArray[np.int64], alone: Mapping[int, store.Alone]) -> Judged:
     """Return the errors of a method at places of the table."""
     known = [alone[key] for key in table.mixture_id[at].tolist()]
-    alike = [_alike(method, one.ways, table.compaction[place]) for one, place in zip(known, at.tolist(), strict=True)]
-    means = np.array([one.mean for one, is_one in zip(known, alike, strict=True) if is_one], dtype=float)
-    at = at[np.array(alike, dtype=bool)]
-    measured, otherwise = table.measured[at], len(alike) - at.size
+    first, last = (_texts([one.ways[end] for one in known]) for end in (0, 1))
+    alike = _alike(method, first, last, table.compaction[at])
+    means = np.array([one.mean for one in known], dtype=float)[alike]
+    at, otherwise = at[alike], int(np.count_nonzero(~alike))
+    measured = table.measured[at]
     if not at.size:
         return Judged(method, 0, otherwise, None)
     off = float(np.abs(means - measured).mean())
@@ -275,37 +292,44 @@ def _judged(method: str, table: _Table, at: NDArray[np.int64], alone: Mapping[in
     return Judged(method, at.size, otherwise, errors, None if math.isnan(off) else off, constant)
 
 
-def _alike(method: str, ways: frozenset[str], tested: str | None) -> bool:
-    """Return whether a mixture was tested in the compaction that a method predicts, as ``compare`` has it.
+def _alike(method: str, first: NDArray[np.str_], last: NDArray[np.str_], tested: NDArray[np.str_]) -> NDArray[np.bool_]:
+    """Return whether mixtures were tested in the compaction that a method predicts, as ``compare`` has it.
 
-    ``ways``: the compactions of its aggregates' tests; ``tested``: its own.
+    ``first`` and ``last`` of the compactions of their aggregates' tests; ``tested``: their own.
     """
-    stated = frozenset[str]() if tested in (None, "unstated") else frozenset({str(tested)})
+    stated = np.where(tested == "unstated", "", tested)
     if method == REPOSE:
-        return (stated or ways) == {"vibrated"}
-    return method in REFERENCES or len(ways | stated) <= 1
+        vibrated = np.where(stated == "", (first == "vibrated") & (last == "vibrated"), stated == "vibrated")
+        return np.asarray(vibrated, dtype=np.bool_)
+    if method in REFERENCES:
+        return np.ones(tested.shape, dtype=np.bool_)
+    return np.asarray((first == last) & ((stated == "") | (first == "") | (stated == first)), dtype=np.bool_)
 
 
-def _cells(values: Numbers) -> NDArray[np.int64]:
-    return np.floor(values / CELL).astype(np.int64)
+def _cells(values: Numbers, times: int) -> NDArray[np.int64]:
+    return np.floor(values / (CELL * times)).astype(np.int64)
 
 
 def _density(table: _Table, shown: NDArray[np.bool_]) -> Density:
-    """Count the predictions that are shown by cells."""
-    cells = np.stack([_cells(table.measured[shown]), _cells(table.predicted[shown])])
-    (column, row), which = np.unique(cells, axis=1, return_inverse=True)
+    """Count the predictions that are shown by cells, the finest of which there are not too many."""
     done = table.state[shown] == "done"
-    current, outdated = (np.bincount(which.ravel()[of], minlength=column.size) for of in (done, ~done))
-    return Density(column, row, current, outdated)
+    for times in WIDER:
+        column, row = (_cells(values[shown], times) for values in (table.measured, table.predicted))
+        rows = int(row.max()) + 1
+        cells, which = np.unique(column * rows + row, return_inverse=True)
+        if cells.size <= MOST_CELLS:
+            break
+    current, outdated = (np.bincount(which[of], minlength=cells.size) for of in (done, ~done))
+    return Density(cells // rows, cells % rows, current, outdated, times)
 
 
 def _in_cells(table: _Table, cells: Collection[Cell]) -> NDArray[np.bool_]:
     """Return whether a prediction lies in one of the cells."""
     out, both = np.zeros(table.both.size, dtype=np.bool_), np.flatnonzero(table.both)
-    if cells:
-        own = zip(_cells(table.measured[both]).tolist(), _cells(table.predicted[both]).tolist(), strict=True)
-        wanted = set(cells)
-        out[both] = [cell in wanted for cell in own]
+    for times in {cell[2] for cell in cells}:
+        own = zip(*(_cells(values[both], times).tolist() for values in (table.measured, table.predicted)), strict=True)
+        wanted = {cell[:2] for cell in cells if cell[2] == times}
+        out[both] |= np.array([cell in wanted for cell in own], dtype=np.bool_)
     return out
 
 

@@ -25,7 +25,7 @@ def picked(event: Mapping[str, Any]) -> Picked:
     selection = event.get("selection", {})
     told = [tuple(int(one) for one in point.get("customdata") or ()) for point in selection.get("points", ())]
     ids = tuple(dict.fromkeys(one[0] for one in told if len(one) == 1))
-    cells = tuple(dict.fromkeys((one[0], one[1]) for one in told if len(one) == 2))
+    cells = tuple(dict.fromkeys((one[0], one[1], one[2]) for one in told if len(one) == 3))
     drawn = selection.get("box") or selection.get("lasso")
     return Picked(ids, cells, not drawn and len(ids) + len(cells) == 1)
 

@@ -262,7 +262,7 @@ def list_rows(
         .order_by(*(() if asked else found.order), *found.key)
         .limit(limit)
     )
-    return [tuple(row) for row in session.execute(query)]
+    return [tuple(row) for row in session.execute(query).all()]
 
 
 def _of_page(session: Session, page: Sequence[Row], columns: Sequence[str], engine_version: int) -> list[Row]:

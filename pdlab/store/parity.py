@@ -1,14 +1,15 @@
 """What predicted against measured is filtered by and judged beside; the mixtures to choose from."""
 
-import itertools
-import math
-import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sqlalchemy as sa
 from sqlalchemy.orm import Session, aliased
 
 from pdlab.models import Aggregate, Calibration, Comparison, Mixture, MixtureComponent, PackingTest
+from pdlab.store.selects import parts
+
+ENDS = (sa.func.min, sa.func.max)
 
 
 def names_in_mixtures(session: Session, most: int) -> list[str]:
@@ -31,29 +32,34 @@ class Alone:
 
     ``mean``: Σ y_i PD_i [-] of their last calibrations, None where one has none to a density test; where one was
     tested anew since, the mixture's predictions are outdated. ``ways``: the compactions of their current density
-    tests, unstated as loose, as it is simulated; none where one was not tested.
+    tests, the first and the last by name, unstated as loose, as it is simulated; both empty where one was not tested.
     """
 
     mean: float | None
-    ways: frozenset[str]
+    ways: tuple[str, str]
 
 
-def each_alone(session: Session) -> dict[int, Alone]:
-    """Return what is known of the aggregates of each mixture, by its id."""
-    known, part = _alone(session), MixtureComponent
-    shares = sa.select(part.mixture_id, part.aggregate_id, part.solid_volume_share).order_by(part.mixture_id)
-    out = dict[int, Alone]()
-    for key, parts in itertools.groupby(session.execute(shares), key=operator.itemgetter(0)):
-        held = [(share, *known[aggregate]) for _, aggregate, share in parts]
-        ways = frozenset(way for _, _, way in held if way is not None)
-        weighed = [share * density for share, density, _ in held if density is not None]
-        mean = math.fsum(weighed) / math.fsum(share for share, _, _ in held) if len(weighed) == len(held) else None
-        out[key] = Alone(mean, frozenset() if any(way is None for _, _, way in held) else ways)
-    return out
+def each_alone(session: Session, mixture_ids: Sequence[int] | None = None) -> dict[int, Alone]:
+    """Return what is known of the aggregates of each of these mixtures, or of all, by the mixture's id."""
+    known, part = _alone(), MixtureComponent.__table__.c
+    every, weight = sa.func.count(), sa.func.sum(part.solid_volume_share)
+    mean = sa.func.sum(part.solid_volume_share * known.c.density) / weight
+    query = (
+        sa.select(
+            part.mixture_id,
+            sa.case((sa.func.count(known.c.density) == every, mean)),
+            *(sa.case((sa.func.count(known.c.way) == every, end(known.c.way)), else_="") for end in ENDS),
+        )
+        .join_from(MixtureComponent, known, known.c.id == part.aggregate_id)
+        .group_by(part.mixture_id)
+    )
+    some = [query] if mixture_ids is None else [query.where(part.mixture_id.in_(few)) for few in parts(mixture_ids)]
+    found = (row for one in some for row in session.execute(one).all())
+    return {key: Alone(mean, (first, last)) for key, mean, first, last in found}
 
 
-def _alone(session: Session) -> dict[int, tuple[float | None, str | None]]:
-    """Return each aggregate's packing density alone and the compaction of its test, None where there is none."""
+def _alone() -> sa.CTE:
+    """Return each aggregate's packing density alone and the compaction of its test, missing where there is none."""
     one, known, other = Aggregate, aliased(Calibration), aliased(PackingTest)
     last = sa.select(sa.func.max(known.id)).where(
         known.aggregate_id == one.id, known.measured_packing_density.is_not(None)
@@ -61,12 +67,12 @@ def _alone(session: Session) -> dict[int, tuple[float | None, str | None]]:
     newest = sa.select(sa.func.max(other.id)).where(other.aggregate_id == one.id)
     way = sa.case((PackingTest.compaction == "unstated", "loose"), else_=PackingTest.compaction)
     found = (
-        sa.select(one.id, Calibration.measured_packing_density, way)
+        sa.select(one.id, Calibration.measured_packing_density.label("density"), way.label("way"))
         .select_from(one)
         .outerjoin(Calibration, Calibration.id == last.correlate(one).scalar_subquery())
         .outerjoin(PackingTest, PackingTest.id == newest.correlate(one).scalar_subquery())
     )
-    return {key: (density, compaction) for key, density, compaction in session.execute(found)}
+    return found.cte("alone").prefix_with("MATERIALIZED")  # once for each aggregate, not for each part of a mixture
 
 
 def newest_mixtures(session: Session, most: int) -> dict[int, str]:
