@@ -77,16 +77,15 @@ def test_the_bars_of_many_points_are_one_line_with_a_gap_after_each() -> None:
     many = points(("A",) * 60, (True,) * 60)
     bars, drawn = charts.parity(many).data[3:]
     assert (drawn.error_x.array, drawn.error_y.array) == (None, None)
-    x, y = (np.reshape(values, (60, 2, 3)) for values in (bars.x, bars.y))
+    x, y = (np.reshape(values, (2, 60, 3)) for values in (bars.x, bars.y))
     assert np.isnan(x[:, :, 2]).all()
     assert np.isnan(y[:, :, 2]).all()
     for ends, other, middle, error, beside in (
-        (x[:, 0], y[:, 0], many.measured, many.measured_error, many.predicted),
-        (y[:, 1], x[:, 1], many.predicted, many.expected_error, many.measured),
+        (x[0], y[0], many.measured, many.measured_error, many.predicted),
+        (y[1], x[1], many.predicted, many.expected_error, many.measured),
     ):
-        assert ends[:, :2] == pytest.approx(
-            np.stack([middle - np.nan_to_num(error), middle + np.nan_to_num(error)], axis=1)
-        )
+        off = np.nan_to_num(error)
+        assert ends[:, :2] == pytest.approx(np.stack([middle - off, middle + off], axis=1))
         assert other[:, :2] == pytest.approx(np.stack([beside, beside], axis=1))
 
 
