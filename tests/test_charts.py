@@ -1,5 +1,7 @@
 """Figures hold what they were given."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -73,20 +75,20 @@ def test_what_is_picked_in_a_parity_chart_stands_out() -> None:
     assert list(charts.parity(three, picked=(8, 40)).data[-1].selectedpoints) == [1]
 
 
-def test_the_bars_of_many_points_are_one_line_with_a_gap_after_each() -> None:
+def test_the_bars_of_many_points_are_one_shape() -> None:
     many = points(("A",) * 60, (True,) * 60)
-    bars, drawn = charts.parity(many).data[3:]
-    assert (drawn.error_x.array, drawn.error_y.array) == (None, None)
-    x, y = (np.reshape(values, (2, 60, 3)) for values in (bars.x, bars.y))
-    assert np.isnan(x[:, :, 2]).all()
-    assert np.isnan(y[:, :, 2]).all()
-    for ends, other, middle, error, beside in (
-        (x[0], y[0], many.measured, many.measured_error, many.predicted),
-        (y[1], x[1], many.predicted, many.expected_error, many.measured),
+    figure = charts.parity(many)
+    assert (figure.data[-1].error_x.array, figure.data[-1].error_y.array) == (None, None)
+    (bars,) = figure.layout.shapes
+    numbers = np.array([float(text) for text in re.findall(r"[-\d.]+", bars.path)]).reshape(60, 2, 2, 2)
+    across, upright = numbers[:, 0], numbers[:, 1]
+    for ends, own, middle, error, beside in (
+        (across, 0, many.measured, many.measured_error, many.predicted),
+        (upright, 1, many.predicted, many.expected_error, many.measured),
     ):
         off = np.nan_to_num(error)
-        assert ends[:, :2] == pytest.approx(np.stack([middle - off, middle + off], axis=1))
-        assert other[:, :2] == pytest.approx(np.stack([beside, beside], axis=1))
+        assert ends[:, :, own] == pytest.approx(np.stack([middle - off, middle + off], axis=1), abs=1e-5)
+        assert ends[:, :, 1 - own] == pytest.approx(np.stack([beside, beside], axis=1), abs=1e-5)
 
 
 def test_a_density_has_a_square_for_each_cell_coloured_by_the_logarithm_of_its_number() -> None:

@@ -99,7 +99,7 @@ def _add_points(figure: go.Figure, points: Points, which: NDArray[np.bool_], k: 
     method, symbol = points.method[at[0]], SYMBOLS[k % len(SYMBOLS)] + ("" if current else "-open")
     bars = {"type": "data", "thickness": 1.2, "width": 3, "color": colour}
     if crowded:
-        _add_bars(figure, points, at, colour)
+        figure.add_shape(_bars(points, at, colour))
     figure.add_scatter(
         x=points.measured[at], y=points.predicted[at], mode="markers", name=shown(method) + _said(current),
         legendgroup=method, showlegend=current or not (points.current & (np.array(points.method) == method)).any(),
@@ -112,17 +112,13 @@ def _add_points(figure: go.Figure, points: Points, which: NDArray[np.bool_], k: 
     )  # fmt: skip
 
 
-def _add_bars(figure: go.Figure, points: Points, at: NDArray[np.int64], colour: str) -> None:
-    """Draw the error bars of many points as one line with gaps, which a browser draws at once."""
+def _bars(points: Points, at: NDArray[np.int64], colour: str) -> dict[str, object]:
+    """Return the error bars of many points as one shape, which a browser draws at once."""
     x, y = points.measured[at], points.predicted[at]
     wide, high = np.nan_to_num(points.measured_error[at]), np.nan_to_num(points.expected_error[at])
-    gap = np.full(at.size, np.nan)
-    across, upright = np.stack([x - wide, x + wide, gap]), np.stack([x, x, gap])
-    figure.add_scatter(
-        x=np.concatenate([across, upright], axis=1).ravel("F"),
-        y=np.concatenate([np.stack([y, y, gap]), np.stack([y - high, y + high, gap])], axis=1).ravel("F"),
-        mode="lines", line={"width": 0.6, "color": colour}, hoverinfo="skip", showlegend=False,
-    )  # fmt: skip
+    ends = np.stack([x - wide, y, x + wide, y, x, y - high, x, y + high], axis=1)
+    path = "".join("M{:.5f},{:.5f}L{:.5f},{:.5f}M{:.5f},{:.5f}L{:.5f},{:.5f}".format(*row) for row in ends.tolist())
+    return {"type": "path", "path": path, "line": {"width": 0.6, "color": colour}, "layer": "between"}
 
 
 def _told(points: Points, k: int) -> str:

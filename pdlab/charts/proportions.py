@@ -19,10 +19,12 @@ from pdlab.sweep import Densest, Swept
 Floats = NDArray[np.float64]
 CORNERS = np.array([[0.5, math.sqrt(0.75)], [0.0, 0.0], [1.0, 0.0]])
 """Places of the three aggregates alone: the first on top, the second to the left, the third to the right."""
-ROWS = 60
+ROWS = 40
 """Rows of the grid on which the triangle's PD is drawn; the ends of each lie on the triangle's sides."""
 TICKS = (0.2, 0.4, 0.6, 0.8)
 """Shares [-] at which the triangle has lines."""
+TOLD = 0.05
+"""Steps of the shares [-] at which PD is told under the mouse; more would take the browser long to draw."""
 ISO_LINES = 8
 """About so many lines of equal PD."""
 SCALE = ((0.0, "#2a2f5e"), (0.5, "#2f6f8a"), (1.0, "#3f9b6b"))
@@ -178,10 +180,13 @@ def _add_surface(figure: go.Figure, names: Sequence[str], result: Swept) -> None
         colorbar={"title": {"text": "PD", "side": "right"}, "orientation": "h", "y": 1.0, "yanchor": "bottom",
                   "thickness": 12, "len": 0.5},
     )  # fmt: skip
-    at = places(result.shares)
+    told = np.all(np.abs(result.shares / TOLD - np.round(result.shares / TOLD)) < 1e-6, axis=1)
+    at = places(result.shares[told])
     texts = [
         f"{_mix(names, row)}<br>PD {value:.4f} ± {error:.4f}"
-        for row, value, error in zip(result.shares, result.packing_density, result.deviation, strict=True)
+        for row, value, error in zip(
+            result.shares[told], result.packing_density[told], result.deviation[told], strict=True
+        )
     ]
     figure.add_scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 10, "opacity": 0.0}, text=texts,
                        hovertemplate="%{text}<extra></extra>", showlegend=False, name="proportions")  # fmt: skip
