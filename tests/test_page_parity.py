@@ -266,3 +266,21 @@ def test_every_filter_has_its_place_in_the_address(predicted: Store) -> None:
     app = home()
     keys = {one.key for kind in (app.text_input, app.multiselect, app.date_input) for one in kind}
     assert keys == filters.EMPTY.keys()
+
+
+def test_what_nobody_has_changed_is_not_read_again_and_what_somebody_has_is(
+    predicted: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, service = list[Filters](), experiments.parity
+    monkeypatch.setattr(
+        experiments, "parity", lambda target, asked, *rest: read.append(asked) or service(target, asked, *rest)
+    )
+    first, second = home(), home()
+    ran(first)
+    assert len(read) == 1
+    assert listed(first) == listed(second)
+    ran(second.text_input(key="find").set_value("M+F"))
+    assert len(read) == 2
+    experiments.predict(predicted, FormulaRunner(predicted), [LM], Way("monosized_rolling"))
+    assert len(listed(ran(first))) == len(listed(home())) == 7
+    assert len(read) == 3

@@ -9,7 +9,7 @@ import streamlit as st
 
 from pdlab import charts, experiments
 from pdlab.comparison import Figure
-from pdlab.experiments import LISTED, Filters, Judged, Parity
+from pdlab.experiments import LISTED, Cell, Filters, Judged, Parity
 from pdlab.page import filters, greeting, links, picking
 from pdlab.page.wording import plain
 from pdlab.quantities import heading
@@ -33,7 +33,7 @@ def show(target: Store) -> None:
         return
     asked = filters.ask(target)
     picked = picking.current(asked)
-    found = experiments.parity(target, asked, picked.ids, picked.cells, ROWS)
+    found = _parity(target, asked, picked.ids, picked.cells)
     mixture = picking.opened()
     if picked.clicked and len(found.listed) == 1:
         mixture = found.listed[0][LISTED.index("mixture_id")]
@@ -52,6 +52,21 @@ def show(target: Store) -> None:
             _say(found)
     _methods(found)
     _list(target, asked, found)
+
+
+def _parity(target: Store, asked: Filters, ids: Sequence[int], cells: Sequence[Cell]) -> Parity:
+    """Return what is shown, for all who look at the same until something is written into the store."""
+    state = target.state()
+    if state is None:
+        return experiments.parity(target, asked, ids, cells, ROWS)
+    return _remembered(target.url, state, asked, tuple(ids), tuple(cells), target)
+
+
+@st.cache_resource(max_entries=32, show_spinner=False)
+def _remembered(
+    url: str, state: str, asked: Filters, ids: tuple[int, ...], cells: tuple[Cell, ...], _target: Store
+) -> Parity:
+    return experiments.parity(_target, asked, ids, cells, ROWS)
 
 
 def _chart(target: Store, asked: Filters, found: Parity, picked: Collection[int]) -> None:

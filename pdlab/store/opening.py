@@ -27,6 +27,7 @@ from pdlab.store.databases import (
 )
 from pdlab.store.keeping import kept_for_lists
 from pdlab.store.revisions import check_revision, head, migrate, revision_of
+from pdlab.store.watching import Watch
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,17 @@ class Store:
     reader: sa.Engine | sa.Connection = field(repr=False)
     writer: sa.Engine | sa.Connection = field(repr=False)
     created: bool = False
+    watch: Watch = field(default_factory=Watch, repr=False, compare=False)
+
+    def state(self) -> str | None:
+        """Return a text that is another one after every write into the store; None for one in a transaction or memory.
+
+        Raises StoreError.
+        """
+        if isinstance(self.reader, sa.Connection) or self.reader is self.writer:
+            return None
+        with named_errors(self.url):
+            return self.watch.look(self.reader)
 
     @contextmanager
     def read(self) -> Iterator[Session]:
@@ -89,6 +101,7 @@ class Store:
 
     def close(self) -> None:
         """Give the connections back."""
+        self.watch.close()
         for bind in (self.reader, self.writer):
             if isinstance(bind, sa.Engine):
                 bind.dispose()
