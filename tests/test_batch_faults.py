@@ -187,7 +187,7 @@ def test_after_the_runner_was_ended_only_what_is_missing_runs(
 ) -> None:
     write_table(tmp_path / "in.csv", blends(20))
     filled(address)
-    first = start(tmp_path, address, 0.2)
+    first = start(tmp_path, address, 0.8)
     wait_for_runs(address, 10, first)
     first.send_signal(how)
     first.communicate(timeout=60)
