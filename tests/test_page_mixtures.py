@@ -295,6 +295,14 @@ def test_warnings_of_a_prediction_are_sentences(stocked: Store, tmp_path: Path) 
     assert any("pebbles L: tested or sieved anew since, or corrected" in text for text in warned)
 
 
+def test_a_mixture_tested_in_another_compaction_than_its_beds_says_so(stocked: Store, tmp_path: Path) -> None:
+    experiments.predict(stocked, FormulaRunner(stocked), [EQUAL])
+    (tmp_path / "packing_tests.csv").write_text(f"material,compaction,packing_density\n{EQUAL},rodded,0.68\n")
+    experiments.register(stocked, read_path(tmp_path / "packing_tests.csv"))
+    warned = [warning.value.replace("\\", "") for warning in view(mixture(stocked)).warning]
+    assert warned == ["The mixture's density test is rodded, its beds are loose: the difference is of both"]
+
+
 def test_predictions_by_several_methods_are_shown_one_at_a_time(stocked: Store) -> None:
     for method in ("monosized", "graded"):
         experiments.predict(stocked, FormulaRunner(stocked), [EQUAL], Way(method))
