@@ -78,7 +78,8 @@ def serve(
     seen = "who signs in" if signed_in else "all on this machine, without a sign-in"
     print(f"the page: http://{place}:{port} for {seen} (store {opened.url}; Ctrl-C ends it)", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    started = [subprocess.Popen([sys.executable, *_pages(number, port)], env=environment)]
+    hosts = [] if signed_in else _hosts(address)
+    started = [subprocess.Popen([sys.executable, *_pages(number, port), *hosts], env=environment)]
     try:
         if runner:
             options = [] if workers is None else ["--workers", str(workers)]
@@ -108,6 +109,20 @@ def _pages(address: str, port: int) -> list[str]:
         "client.showErrorDetails": "none", "server.fileWatcherType": "none", "runner.magicEnabled": "false",
     }  # fmt: skip
     return ["-m", "streamlit", "run", spec.origin, *(f"--{key}={value}" for key, value in flags.items())]
+
+
+def _hosts(address: str) -> list[str]:
+    """Return Streamlit's flags for a page that answers to this machine's own names alone, or to those configured.
+
+    A site of the web whose name is made to stand for 127.0.0.1 (DNS rebinding) comes with its own, from the browser of
+    somebody on this machine.
+    """
+    from streamlit import config
+
+    known = config.get_options_for_section("server")
+    if "allowedHosts" not in known or known["allowedHosts"]:  # older versions of Streamlit have no such option
+        return []
+    return [f"--server.allowedHosts={name}" for name in dict.fromkeys(("localhost", HERE, "::1", address))]
 
 
 def _log_beside(url: str) -> Path:
