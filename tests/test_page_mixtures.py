@@ -147,6 +147,10 @@ def test_a_mixture_without_a_name_or_with_that_of_another_is_refused(stocked: St
     app = chosen(stocked, "pebbles L", "pebbles F")
     ran(app.button(key="save").click())
     assert plain(app)[1] == ["the mixture has no name; enter one"]
+    app.text_input(key="mixture_name").set_value("two\nlines")
+    ran(app.button(key="save").click())
+    (once,) = plain(app)[1]
+    assert "holds characters that cannot be shown" in once
     app.text_input(key="mixture_name").set_value("pebbles M+F 1:1")
     ran(app.button(key="save").click())
     assert any("is there with other shares or aggregates; give this one another name" in text for text in plain(app)[1])

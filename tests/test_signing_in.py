@@ -37,6 +37,12 @@ PROVIDER = {name: AUTH[name] for name in signing_in.OF_PROVIDER}
 SHARED = {name: AUTH[name] for name in signing_in.NEEDED}
 
 
+@pytest.fixture(autouse=True)
+def _begun_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget after a test that its page had a sign-in, which a page never does."""
+    monkeypatch.setenv(signing_in.REQUIRED, "")
+
+
 def view(address: str, auth: Any = None, user: Mapping[str, Any] | None = None) -> AppTest:
     app = AppTest.from_file(str(PAGE), default_timeout=60)
     app._page_hash = calc_hash(address)
@@ -128,10 +134,14 @@ def test_a_missing_authlib_is_a_sentence(lab: Store, monkeypatch: pytest.MonkeyP
     assert sentence.endswith("not installed (no_such_module); install it with pip install 'pdlab[signin]'")
 
 
+@pytest.mark.parametrize("by_serve", [True, False])
 def test_a_sign_in_that_is_taken_away_while_the_page_runs_opens_it_to_nobody(
-    lab: Store, monkeypatch: pytest.MonkeyPatch
+    lab: Store, monkeypatch: pytest.MonkeyPatch, by_serve: bool
 ) -> None:
-    monkeypatch.setenv(signing_in.REQUIRED, "1")
+    if by_serve:
+        monkeypatch.setenv(signing_in.REQUIRED, "1")
+    else:  # started by app.py: nobody has told the page that it needs one
+        assert buttons(view("aggregates", AUTH)) == ["Sign in"]
     (sentence,) = plain(view("aggregates"))[1]
     assert "has no section [auth] any more" in sentence
 
