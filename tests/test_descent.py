@@ -61,6 +61,13 @@ def test_a_prediction_leads_down_to_raw_sieve_text_seeds_and_engine(predicted: S
     json.dumps(facts)
 
 
+def test_a_kept_text_that_is_broken_is_a_sentence(predicted: Store) -> None:
+    with predicted.write() as session:
+        session.execute(sa.update(Run).values(specimen="{broken"))
+    with pytest.raises(InputError, match=r"specimen '\{broken' of a row is not what pdlab wrote"):
+        show(predicted, "prediction:2")
+
+
 def test_a_descent_takes_as_many_queries_with_few_runs_as_with_many(pebbles: Store) -> None:
     found = []
     for seeds in (2, 8):

@@ -147,6 +147,10 @@ def test_a_mixture_without_a_name_or_with_that_of_another_is_refused(stocked: St
     app = chosen(stocked, "pebbles L", "pebbles F")
     ran(app.button(key="save").click())
     assert plain(app)[1] == ["the mixture has no name; enter one"]
+    app.text_input(key="mixture_name").set_value("two\nlines")
+    ran(app.button(key="save").click())
+    (once,) = plain(app)[1]
+    assert "holds characters that cannot be shown" in once
     app.text_input(key="mixture_name").set_value("pebbles M+F 1:1")
     ran(app.button(key="save").click())
     assert any("is there with other shares or aggregates; give this one another name" in text for text in plain(app)[1])
@@ -293,6 +297,14 @@ def test_warnings_of_a_prediction_are_sentences(stocked: Store, tmp_path: Path) 
     experiments.register(stocked, read_path(tmp_path / "packing_tests.csv"))
     warned = [warning.value.replace("\\", "") for warning in view(mixture(stocked)).warning]
     assert any("pebbles L: tested or sieved anew since, or corrected" in text for text in warned)
+
+
+def test_a_mixture_tested_in_another_compaction_than_its_beds_says_so(stocked: Store, tmp_path: Path) -> None:
+    experiments.predict(stocked, FormulaRunner(stocked), [EQUAL])
+    (tmp_path / "packing_tests.csv").write_text(f"material,compaction,packing_density\n{EQUAL},rodded,0.68\n")
+    experiments.register(stocked, read_path(tmp_path / "packing_tests.csv"))
+    warned = [warning.value.replace("\\", "") for warning in view(mixture(stocked)).warning]
+    assert warned == ["The mixture's density test is rodded, its beds are loose: the difference is of both"]
 
 
 def test_predictions_by_several_methods_are_shown_one_at_a_time(stocked: Store) -> None:

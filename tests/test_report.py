@@ -21,7 +21,7 @@ from test_repose import AGGREGATES, BY_ANGLE, MIXTURES, SIEVES
 from pdlab import cli, experiments, report
 from pdlab import store as store_module
 from pdlab.density import COMPACTIONS
-from pdlab.errors import InputError, UnknownName
+from pdlab.errors import InputError, ProtocolError, UnknownName
 from pdlab.experiments import METHODS, OTHERS, REFERENCES, ShownRun, Way, shipped
 from pdlab.grading import RULES
 from pdlab.lab import SHIPPED, Lab
@@ -325,6 +325,30 @@ def test_a_result_that_is_current_has_no_mark_and_one_that_is_not_has_it_on_ever
         assert report.STATES["outdated"] in read.text
         assert "tested or sieved anew since, or corrected" in read.text
         assert "(expected), predicted by" not in read.text
+
+
+def test_a_mixture_tested_in_another_compaction_than_its_beds_says_so_beside_the_difference_and_the_signatures(
+    predicted: Store, tmp_path: Path
+) -> None:
+    def said(method: str = "monosized") -> int:
+        text = of_mixture(predicted, method).text.lower()
+        return text.count("the mixture's density test is rodded, its beds are loose: the difference is of both")
+
+    assert said() == 0
+    (tmp_path / "packing_tests.csv").write_text(f"material,compaction,packing_density\n{EQUAL},rodded,0.68\n")
+    experiments.register(predicted, read_path(tmp_path / "packing_tests.csv"))
+    assert said() == 2
+    experiments.predict(predicted, FormulaRunner(predicted), [EQUAL], Way("ordered"))
+    assert said("ordered") == 0, "which knows no compaction"
+
+
+@pytest.mark.parametrize("text", ["{broken", "{}", "[1]", '{"species": [{"count": "many"}]}'])
+def test_a_run_whose_specimen_cannot_be_read_is_a_sentence(predicted: Store, text: str) -> None:
+    digest = experiments.mixture_document(predicted, mixture_id(predicted)).runs[0].digest
+    with predicted.write() as session:
+        session.execute(sa.update(Run).where(Run.specimen_hash == digest).values(specimen=text))
+    with pytest.raises(ProtocolError, match="is no specimen of this version"):
+        of_mixture(predicted)
 
 
 def test_a_prediction_of_an_older_engine_is_outdated(pebbles: Store) -> None:

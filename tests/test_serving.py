@@ -5,6 +5,9 @@ import subprocess
 import sys
 import time
 import urllib.request
+from contextlib import closing
+from http import HTTPStatus
+from http.client import HTTPConnection
 from pathlib import Path
 
 import psutil
@@ -30,6 +33,17 @@ def states(target: Store) -> set[str]:
         return {row.state for row in session.query(Prediction)}
 
 
+def answers(port: int, host: str) -> bool:
+    """Return whether the page opens its socket for a browser that knows this machine by a name."""
+    asked = {
+        "Host": f"{host}:{port}", "Origin": f"http://{host}:{port}", "Upgrade": "websocket", "Connection": "Upgrade",
+        "Sec-WebSocket-Key": "MDEyMzQ1Njc4OWFiY2RlZg==", "Sec-WebSocket-Version": "13",
+    }  # fmt: skip
+    with closing(HTTPConnection("127.0.0.1", port, timeout=10)) as reached:
+        reached.request("GET", "/_stcore/stream", headers=asked)
+        return reached.getresponse().status == HTTPStatus.SWITCHING_PROTOCOLS
+
+
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
 def test_what_is_wished_for_is_answered_while_the_page_is_served_and_both_end(tmp_path: Path) -> None:
     target = open_store(tmp_path / "lab.db")
@@ -47,6 +61,9 @@ def test_what_is_wished_for_is_answered_while_the_page_is_served_and_both_end(tm
                 time.sleep(0.1)
             assert states(target) == {"done"}
             urllib.request.urlopen(f"http://127.0.0.1:{port}/_stcore/health", timeout=5).close()
+            assert answers(port, "127.0.0.1")
+            assert answers(port, "localhost")
+            assert not answers(port, "rebound.example"), "a web site whose name stands for 127.0.0.1"
             started = psutil.Process(server.pid).children(recursive=True)
             page, *_ = (one for one in started if "streamlit" in one.cmdline())
             assert not [region.path for region in page.memory_maps() if "llvmlite" in region.path]

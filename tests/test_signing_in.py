@@ -1,5 +1,8 @@
 """Signing in: off unless secrets.toml has [auth]; then the store is shown to nobody before; what is wrong is said."""
 
+import re
+import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -32,6 +35,12 @@ AUTH: Mapping[str, Any] = {
 }
 PROVIDER = {name: AUTH[name] for name in signing_in.OF_PROVIDER}
 SHARED = {name: AUTH[name] for name in signing_in.NEEDED}
+
+
+@pytest.fixture(autouse=True)
+def _begun_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget after a test that its page had a sign-in, which a page never does."""
+    monkeypatch.setenv(signing_in.REQUIRED, "")
 
 
 def view(address: str, auth: Any = None, user: Mapping[str, Any] | None = None) -> AppTest:
@@ -125,10 +134,14 @@ def test_a_missing_authlib_is_a_sentence(lab: Store, monkeypatch: pytest.MonkeyP
     assert sentence.endswith("not installed (no_such_module); install it with pip install 'pdlab[signin]'")
 
 
+@pytest.mark.parametrize("by_serve", [True, False])
 def test_a_sign_in_that_is_taken_away_while_the_page_runs_opens_it_to_nobody(
-    lab: Store, monkeypatch: pytest.MonkeyPatch
+    lab: Store, monkeypatch: pytest.MonkeyPatch, by_serve: bool
 ) -> None:
-    monkeypatch.setenv(signing_in.REQUIRED, "1")
+    if by_serve:
+        monkeypatch.setenv(signing_in.REQUIRED, "1")
+    else:  # started by app.py: nobody has told the page that it needs one
+        assert buttons(view("aggregates", AUTH)) == ["Sign in"]
     (sentence,) = plain(view("aggregates"))[1]
     assert "has no section [auth] any more" in sentence
 
@@ -170,11 +183,48 @@ def test_serve_listens_to_a_network_only_with_a_sign_in(tmp_path: Path) -> None:
 
 
 def test_a_place_beyond_this_machine_is_allowed_with_a_sign_in_and_this_machine_always() -> None:
-    from pdlab.cli.serving import _check_place
+    from pdlab.cli.serving import _checked_place
 
     for address, signed_in in (("127.0.0.1", False), ("localhost", False), ("0.0.0.0", True)):
-        _check_place(address, free_port(), signed_in)
+        _checked_place(address, free_port(), signed_in)
     with pytest.raises(InputError, match="is no address of this machine"):
-        _check_place("no.such.host.invalid", free_port(), True)
+        _checked_place("no.such.host.invalid", free_port(), True)
     with pytest.raises(InputError, match="or not of this machine"):
-        _check_place("192.0.2.1", free_port(), True)
+        _checked_place("192.0.2.1", free_port(), True)
+
+
+@pytest.mark.parametrize("address", ["0", "::", "*", "::ffff:0.0.0.0"])
+def test_no_spelling_of_all_addresses_passes_for_this_machine(address: str) -> None:
+    from pdlab.cli.serving import _checked_place
+
+    with pytest.raises(SignInError, match="everybody in the network could write to the store"):
+        _checked_place(address, free_port(), signed_in=False)
+
+
+@pytest.mark.parametrize("address", ["", "a..b", "a" * 300, "http://127.0.0.1", "unix:///tmp/page"])
+def test_what_is_no_address_is_a_sentence(address: str) -> None:
+    from pdlab.cli.serving import _checked_place
+
+    with pytest.raises(InputError, match=f"^'{re.escape(address)}' is no address of this machine"):
+        _checked_place(address, free_port(), signed_in=True)
+
+
+def test_the_page_listens_at_the_number_that_was_checked_whatever_else_a_name_stands_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Streamlit would ask again what the name stands for, and take an address of IPv4 alone."""
+    from pdlab.cli import serving
+
+    def start(command: list[str], **_: Any) -> None:
+        started.append(command)
+        sys.exit(0)
+
+    started = list[list[str]]()
+    answers = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (number, 0)) for number in ("127.0.0.1", "192.0.2.1")]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: answers)
+    monkeypatch.setattr(subprocess, "Popen", start)
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    with pytest.raises(SystemExit):
+        serving.serve(str(tmp_path / "lab.db"), free_port(), "lab", runner=False)
+    (command,) = started
+    assert "--server.address=127.0.0.1" in command

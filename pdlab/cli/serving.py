@@ -18,19 +18,23 @@ AGAIN, PATIENCE = 5.0, 20.0
 """Seconds after which a runner that ended is started again, and within which processes end by themselves."""
 
 
-def _check_place(address: str, port: int, signed_in: bool) -> None:
-    """Raise InputError where a page may not, or cannot, listen at an address and port.
+def _checked_place(address: str, port: int, signed_in: bool) -> str:
+    """Return the number of an address at which a page may, and can, listen on a port.
 
-    Whoever reaches the page can write to the store: beyond this machine only who has ``signed_in`` may.
+    Whoever reaches the page can write to the store: beyond this machine only who has ``signed_in`` may. The page gets
+    the number that was checked: a name may stand for several, and for another a moment later. Raises InputError.
     """
     import ipaddress
     import socket
 
     try:
-        family, _, _, _, place = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
-    except OSError as error:
-        raise InputError(f"'{address}' is no address of this machine ({error.strerror}); write 127.0.0.1") from error
-    if not (signed_in or ipaddress.ip_address(place[0]).is_loopback):
+        found = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)  # '*': all of them
+    except (OSError, UnicodeError) as error:  # the latter from names that are none, such as 'a..b'
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"'{address}' is no address of this machine ({why}); write 127.0.0.1") from error
+    family, _, _, _, place = found[0]
+    number = str(place[0])
+    if not (signed_in or ipaddress.ip_address(number).is_loopback):
         raise SignInError(
             f"at {address} everybody in the network could write to the store, since no sign-in is configured; "
             "configure one (docs/operation.md), or let a reverse proxy that asks who comes reach 127.0.0.1"
@@ -44,6 +48,7 @@ def _check_place(address: str, port: int, signed_in: bool) -> None:
                 f"port {port} of {address} is not free, or not of this machine ({error.strerror}); choose another with "
                 "--port or --address"
             ) from error
+    return number
 
 
 def serve(
@@ -61,7 +66,7 @@ def serve(
     from pdlab.store import open_store, store_url
 
     signed_in = signing_in.is_configured()
-    _check_place(address, port, signed_in)
+    number = _checked_place(address, port, signed_in)
     opened = open_store(store)
     opened.close()
     if opened.created:
@@ -73,7 +78,8 @@ def serve(
     seen = "who signs in" if signed_in else "all on this machine, without a sign-in"
     print(f"the page: http://{place}:{port} for {seen} (store {opened.url}; Ctrl-C ends it)", flush=True)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    started = [subprocess.Popen([sys.executable, *_pages(address, port)], env=environment)]
+    hosts = [] if signed_in else _hosts(address)
+    started = [subprocess.Popen([sys.executable, *_pages(number, port), *hosts], env=environment)]
     try:
         if runner:
             options = [] if workers is None else ["--workers", str(workers)]
@@ -103,6 +109,20 @@ def _pages(address: str, port: int) -> list[str]:
         "client.showErrorDetails": "none", "server.fileWatcherType": "none", "runner.magicEnabled": "false",
     }  # fmt: skip
     return ["-m", "streamlit", "run", spec.origin, *(f"--{key}={value}" for key, value in flags.items())]
+
+
+def _hosts(address: str) -> list[str]:
+    """Return Streamlit's flags for a page that answers to this machine's own names alone, or to those configured.
+
+    A site of the web whose name is made to stand for 127.0.0.1 (DNS rebinding) comes with its own, from the browser of
+    somebody on this machine.
+    """
+    from streamlit import config
+
+    known = config.get_options_for_section("server")
+    if "allowedHosts" not in known or known["allowedHosts"]:  # older versions of Streamlit have no such option
+        return []
+    return [f"--server.allowedHosts={name}" for name in dict.fromkeys(("localhost", HERE, "::1", address))]
 
 
 def _log_beside(url: str) -> Path:

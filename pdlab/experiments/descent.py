@@ -9,6 +9,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from pdlab import store
+from pdlab.errors import InputError
 from pdlab.experiments.addresses import address, find, row_key
 from pdlab.experiments.references import REFERENCES
 from pdlab.models import (
@@ -78,7 +79,14 @@ def plain(row: Base, with_parents: bool = False) -> Facts:
 def _plain(name: str, value: Any) -> Any:
     if isinstance(value, dt.date):
         return value.isoformat()
-    return json.loads(value) if name in JSON_COLUMNS and isinstance(value, str) else value  # a run counts its spheres
+    if name not in JSON_COLUMNS or not isinstance(value, str):  # a run counts its spheres
+        return value
+    try:
+        return json.loads(value)
+    except ValueError as error:
+        raise InputError(
+            f"{name} '{value[:40]}' of a row is not what pdlab wrote ({error}); put a backup in the store's place"
+        ) from error
 
 
 def _last_result(session: Session, row: Base) -> Calibration | Prediction | None:

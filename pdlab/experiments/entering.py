@@ -168,8 +168,8 @@ def register_entered(target: Store, entered: EnteredAggregate) -> None:
 
 
 def sentences(error: PdlabError) -> list[str]:
-    """Return what an error says, a sentence for each problem of a table, without the table's place."""
-    return [_sentence(one) for one in error.problems] if isinstance(error, TableError) else [str(error)]
+    """Return what an error says, a sentence for each problem of a table, without its place and each once."""
+    return list(dict.fromkeys(map(_sentence, error.problems))) if isinstance(error, TableError) else [str(error)]
 
 
 def _filled(texts: Mapping[str, str]) -> bool:

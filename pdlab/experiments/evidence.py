@@ -22,6 +22,7 @@ from pdlab.experiments.readings import (
 )
 from pdlab.grading import Grading
 from pdlab.models import Aggregate, Base, Calibration, Correction, Mixture, PackingTest, Prediction, Run, SieveAnalysis
+from pdlab.specimen import from_canonical
 from pdlab.tables import DENSITY_KINDS
 
 
@@ -301,11 +302,8 @@ def _corrected(one: Correction) -> ShownCorrection:
 
 
 def _run(row: Run) -> ShownRun:
-    species = json.loads(row.specimen)["species"]
-    spheres = tuple(
-        (int(kind["count"]), float(kind["diameter"]), float(kind["friction"]), float(kind.get("rolling", 0.0)))
-        for kind in species
-    )
+    species = from_canonical(row.specimen).species
+    spheres = tuple((kind.count, kind.diameter, kind.friction, kind.rolling) for kind in species)
     return ShownRun(
         row.specimen_hash, row.seed, spheres, row.packing_density, row.repose_angle_deg, row.steps,
         row.engine_version, row.numba_version or "", row.processor or "",

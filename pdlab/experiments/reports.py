@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pdlab import store
-from pdlab.calibration import METHOD
+from pdlab.calibration import METHOD, REPOSE
 from pdlab.errors import PdlabError
 from pdlab.experiments import references
-from pdlab.experiments.readings import measured_mixture
+from pdlab.experiments.readings import measured_mixture, protocol_of_text
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.theories import Theoretical
 from pdlab.models import Prediction
@@ -20,6 +20,7 @@ class PredictionReport:
     """A mixture's prediction beside its measurement, or the error that stands in its place.
 
     ``furnas``, ``toufar``, ``cpm``: what theory makes of the current tests, and why not in ``theory_message``.
+    ``tested_otherwise``: that the mixture was tested in another compaction, so that the difference is not the method's.
     ``outdated``: those of the ``notes`` that say why it is not what would be now.
     """
 
@@ -41,6 +42,7 @@ class PredictionReport:
     seeds: int | None = None
     state: str = "done"
     notes: tuple[str, ...] = ()
+    tested_otherwise: str = ""
     outdated: tuple[str, ...] = ()
     prediction_id: int | None = None
     engine_version: int | None = None
@@ -89,6 +91,7 @@ def report_of(row: Prediction, outdated: Sequence[str]) -> PredictionReport:
         seeds=len(row.runs),
         state="outdated" if outdated and row.state == "done" else row.state,
         notes=tuple(note for note in notes if note),
+        tested_otherwise=_tested_otherwise(row),
         outdated=tuple(outdated),
         prediction_id=row.id,
         engine_version=row.engine_version,
@@ -105,6 +108,20 @@ def with_theory(report: PredictionReport, beside: Theoretical) -> PredictionRepo
     return replace(
         report, furnas=values.get("furnas"), toufar=values.get("toufar"), cpm=values.get("cpm"), theory_message=text
     )
+
+
+def _tested_otherwise(row: Prediction) -> str:
+    """Return what to say where a mixture's density test is of another compaction than its beds; empty where not.
+
+    A geometric reference has no compaction, and of what is calibrated to an angle the warnings say it.
+    """
+    test = store.newest_test(row.mixture.packing_tests)
+    if row.state != "done" or row.method in REFERENCES or row.method == REPOSE or test is None:
+        return ""
+    simulated = protocol_of_text(row.protocol).compaction
+    if test.compaction in ("unstated", simulated):
+        return ""
+    return f"the mixture's density test is {test.compaction}, its beds are {simulated}: the difference is of both"
 
 
 def _volume_mean(row: Prediction) -> float | None:

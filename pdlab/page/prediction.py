@@ -7,7 +7,7 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import charts, density, experiments
 from pdlab.errors import InputError
 from pdlab.experiments import Composed, PredictionReport
-from pdlab.page.wording import plain
+from pdlab.page.wording import begun, plain
 from pdlab.quantities import heading
 from pdlab.store import Store
 
@@ -80,6 +80,8 @@ def _beside(report: PredictionReport) -> None:
         st.table(frame)
     if report.measured is None:
         st.caption("The mixture was not measured: import a density test of it to compare.")
+    if report.tested_otherwise:
+        st.warning(plain(begun(report.tested_otherwise)))
     if report.theory_message:
         st.caption(plain(report.theory_message))
 

@@ -20,7 +20,7 @@ OF_PROVIDER = ("client_id", "client_secret", "server_metadata_url")
 CALLBACK = "/oauth2callback"
 SECRET = 32  # characters of a cookie_secret at least: who guesses it signs in as anybody
 MODULES = ("authlib", "httpx")
-REQUIRED = "PDLAB_SIGN_IN"  # set by who started the page with a sign-in: it does not open when that is taken away
+REQUIRED = "PDLAB_SIGN_IN"  # set with a sign-in at the start, and by a page that has seen one: without it, it stays closed
 
 
 def is_admitted() -> bool:
@@ -30,6 +30,7 @@ def is_admitted() -> bool:
         return True
     if section is None:
         raise SignInError(f"secrets.toml has no section [{AUTH}] any more; put it back, or start the page anew")
+    os.environ[REQUIRED] = "1"
     providers(section)
     return bool(st.user.get("is_logged_in", False))
 
