@@ -52,6 +52,10 @@ def ran(one: Any) -> AppTest:
     return app
 
 
+def test_what_is_not_predicted_says_what_to_press(pebbles: Store) -> None:
+    assert set(frame_of(home(), SAID)["what there is to say"]) == {"not predicted yet: press 'Predict'"}
+
+
 def listed(app: AppTest) -> list[str]:
     return list(frame_of(app, SAID)["mixture"])
 
