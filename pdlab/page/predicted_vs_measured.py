@@ -99,7 +99,8 @@ def _say(found: Parity) -> None:
               f"{found.with_warnings} with a warning": found.with_warnings}  # fmt: skip
     told = [text for text, count in counts.items() if count]
     if told:
-        st.markdown(f"Predictions: {', '.join(told)}. The list tells why; choose a state above to see these alone.")
+        alone = "; choose a state above to see these alone" if failed + outdated else ""
+        st.markdown(f"Predictions: {', '.join(told)}. The list tells why{alone}.")
     if failed + outdated + found.with_warnings <= FEW:
         columns = [LISTED.index(name) for name in ("state", "mixture", "message")]
         for state, mixture, message in ([row[k] for k in columns] for row in found.listed):

@@ -99,8 +99,6 @@ def _bed(target: Store, prediction_id: int) -> None:
         st.error(plain(str(error)))
         return
     st.plotly_chart(charts.bed(bed), key="spheres")
-    part = "all" if bed.total == len(bed.place) else f"the {len(bed.place)} in front of"
-    st.caption(
-        f"Run {bed.digest[:12]}, seed {bed.seed}: {part} {bed.total} spheres. "
-        "`pdlab bed` writes the whole bed for ParaView."
-    )
+    everything = bed.total == len(bed.place)
+    part = f"all {bed.total} spheres" if everything else f"of {bed.total} spheres the {len(bed.place)} in front"
+    st.caption(f"Run {bed.digest[:12]}, seed {bed.seed}: {part}. `pdlab bed` writes the whole bed for ParaView.")

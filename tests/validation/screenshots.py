@@ -71,7 +71,7 @@ VIEWS = {
 LARGE = 0.12
 """Of the store of ``store_speed.py``: enough predictions for a density."""
 PAGE = ROOT / "docs" / "page.png"
-COLOURS = 80
+COLOURS = 64
 SANDS = {
     "aggregates.csv": "name,particle_density_kg_m3,density_basis\nSand 0/4,2640,oven_dry\nGravel 4/16,2610,oven_dry\n"
     "Gravel 8/32,2620,oven_dry\n",
