@@ -132,7 +132,7 @@ def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> Non
     type_in(app, value="1560,5", particle_density_kg_m3="2601", repeats="3", standard_deviation="10,0")
     assert [metric.value for metric in app.metric] == ["0.6000 ± 0.0022", "40.0"]
     save(app)
-    assert any("saved: Gravel 4/16" in message.value.replace("\\", "") for message in app.success)
+    assert any("saved: Gravel 4/16; next, calibrate it" in message.value.replace("\\", "") for message in app.success)
     with lab.read() as session:
         row = store_module.aggregates(session)[0]
     results = row.sieve_analyses[0].results

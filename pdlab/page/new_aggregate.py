@@ -181,4 +181,5 @@ def _save(target: Store, entered: EnteredAggregate) -> None:
     if number := st.session_state.pop(OPEN):
         experiments.delete_draft(target, int(number))
     del st.session_state["name"]
-    links.go("aggregates", f"saved: {entered.texts['name'].strip()}")
+    name = entered.texts["name"].strip()
+    links.go("aggregates", f"saved: {name}; next, calibrate it (below), or put it into a mixture and predict that")
