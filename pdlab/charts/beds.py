@@ -9,8 +9,8 @@ from pdlab.experiments import DrawnBed
 
 CORNERS = 42
 """Corners of a ball that is drawn."""
-LABELS, SPREAD = 6, 1.2
-"""So many labels on the longest axis, that they stand apart on the others; how much of the view it fills."""
+LABELS = 6
+"""So many on the longest axis, fewer on the others, where they would overlap."""
 
 
 def bed(drawn: DrawnBed) -> go.Figure:
@@ -35,7 +35,7 @@ def bed(drawn: DrawnBed) -> go.Figure:
                         "nticks": 2 + round(LABELS * float(part[n]))}
         for n, axis in enumerate("xyz")
     }  # fmt: skip
-    ratio = {axis: SPREAD * float(part[n]) for n, axis in enumerate("xyz")}
+    ratio = {axis: float(part[n]) for n, axis in enumerate("xyz")}
     figure.update_layout(
         scene={
             "aspectmode": "manual",
