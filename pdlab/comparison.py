@@ -102,7 +102,8 @@ def mean_with_interval(values: ArrayLike, confidence: float = CONFIDENCE, seed: 
         raise InputError(f"confidence {confidence:g} must lie between 0 and 1; give 0.95, say")
     mean = float(sample.mean())
     if sample.size < LEAST:
-        return Figure(mean, no_interval=f"{sample.size} mixtures say nothing of an interval, it takes {LEAST}")
+        said = "1 mixture says" if sample.size == 1 else f"{sample.size} mixtures say"
+        return Figure(mean, no_interval=f"{said} nothing of an interval, it takes {LEAST}")
     if np.ptp(sample) <= EQUAL * float(np.abs(sample).max()):
         return Figure(mean, no_interval=f"all {sample.size} mixtures give the same value")
     low, high = _expanded(sample, confidence) or _resampled(sample.tobytes(), confidence, seed)

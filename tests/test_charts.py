@@ -127,6 +127,7 @@ def test_a_bed_has_a_colour_for_each_aggregate_and_one_scale_for_all_axes() -> N
     sides = {axis: np.ptp(scene[f"{axis}axis"].range) for axis in "xyz"}
     assert sides == {"x": 17.0, "y": 17.0, "z": 10.0}
     assert scene.aspectratio.z / scene.aspectratio.x == pytest.approx(sides["z"] / sides["x"])
+    assert scene.zaxis.nticks < scene.xaxis.nticks == scene.yaxis.nticks, "labels stand apart on a short axis too"
 
 
 def test_every_triangle_of_a_ball_is_seen_from_outside_and_they_close_it() -> None:

@@ -90,7 +90,8 @@ def test_fewer_than_three_mixtures_have_figures_and_no_interval(count: int) -> N
     found = errors_of([0.01, -0.03][:count])
     for figure in (found.bias, found.mean_absolute, found.root_mean_square):
         assert (figure.low, figure.high) == (None, None)
-        assert figure.no_interval.startswith(f"{count} mixtures say nothing of an interval, it takes 3")
+        said = ("1 mixture says", "2 mixtures say")[count - 1]
+        assert figure.no_interval.startswith(f"{said} nothing of an interval, it takes 3")
     assert found.mean_absolute.value == pytest.approx((0.01, 0.02)[count - 1])
 
 

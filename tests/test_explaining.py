@@ -136,6 +136,7 @@ def test_the_page_shows_the_coefficient_with_its_interval(lab: Store) -> None:
     assert report.result is not None
     assert app.metric[0].value == f"{report.result.value:.4f}"
     assert app.metric[0].delta == f"its interval: {report.result.low:.4f} to {report.result.high:.4f}"
+    assert app.metric[1].value == "0.5830 ± 0.0050", "as many digits as the error has"
     assert "monosized" in app.markdown[0].value
 
 

@@ -18,6 +18,7 @@ from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS
 from pdlab.lab import SHIPPED
 from pdlab.page import aggregates, sieve_table
 from pdlab.page.app import HOME, VIEWS
+from pdlab.page.wording import digits
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
 
@@ -131,7 +132,7 @@ def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> Non
     type_in(app, value="1560,5", particle_density_kg_m3="2601", repeats="3", standard_deviation="10,0")
     assert [metric.value for metric in app.metric] == ["0.6000 ± 0.0022", "40.0"]
     save(app)
-    assert any("saved: Gravel 4/16" in message.value.replace("\\", "") for message in app.success)
+    assert any("saved: Gravel 4/16; next, calibrate it" in message.value.replace("\\", "") for message in app.success)
     with lab.read() as session:
         row = store_module.aggregates(session)[0]
     results = row.sieve_analyses[0].results
@@ -179,6 +180,13 @@ def test_a_density_outside_0_and_1_is_named(lab: Store) -> None:
     app = type_in(form(), name="G", sieves="16 0\n8 100", value="2700", particle_density_kg_m3="2600")
     assert any("outside (0, 1)" in text for text in plain(app)[1])
     assert stored(save_and_get(app, lab)) == []
+
+
+def test_what_is_wrong_with_the_aggregate_is_said_once_and_before_its_density_test(lab: Store) -> None:
+    app = type_in(form(), name="G", sieves="16 0\n8 100", value="1500", particle_density_kg_m3="2,65")
+    assert plain(app)[1] == ["particle density 2.65 kg/m³ lies outside [100, 25000]; enter it in kg/m³"]
+    shown = [element.value for element in app.main if element.type in ("error", "subheader")]
+    assert shown.index(app.error[0].value) < shown.index("Density tests")
 
 
 def test_an_aggregate_without_a_name_is_refused(lab: Store) -> None:
@@ -264,6 +272,10 @@ def sand(lab: Store, folder: Path, count: int) -> None:
 
 def frame_of(app: AppTest, column: str) -> pd.DataFrame:
     return next(block.value for block in (*app.dataframe, *app.table) if column in block.value.columns)
+
+
+def test_an_index_has_three_digits_zeros_at_its_end_too() -> None:
+    assert [digits(value) for value in (1.2, 6.0, 14.37, 126.4, 0.2136)] == ["1.20", "6.00", "14.4", "126", "0.214"]
 
 
 def test_aggregates_are_found_by_a_part_of_their_name(lab: Store, tmp_path: Path) -> None:

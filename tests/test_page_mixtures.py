@@ -296,7 +296,14 @@ def test_warnings_of_a_prediction_are_sentences(stocked: Store, tmp_path: Path) 
     (tmp_path / "packing_tests.csv").write_text("material,compaction,packing_density\npebbles L,loose,0.61\n")
     experiments.register(stocked, read_path(tmp_path / "packing_tests.csv"))
     warned = [warning.value.replace("\\", "") for warning in view(mixture(stocked)).warning]
-    assert any("pebbles L: tested or sieved anew since, or corrected" in text for text in warned)
+    assert any("pebbles L: tested or sieved anew since, or corrected; press 'Predict' again" in text for text in warned)
+
+
+def test_every_method_and_every_theory_says_what_it_is(stocked: Store) -> None:
+    app = view(mixture(stocked))
+    box = app.selectbox(key="way")
+    assert all(f"- {name}: " in box.help for name in box.options)
+    assert any("Furnas: packing density after Furnas, an upper bound. Toufar: " in text for text in said(app))
 
 
 def test_a_mixture_tested_in_another_compaction_than_its_beds_says_so(stocked: Store, tmp_path: Path) -> None:
@@ -323,7 +330,7 @@ def test_a_mixture_that_was_not_measured_says_so(stocked: Store) -> None:
     parts = ids(stocked, "pebbles L", "pebbles F")
     made = experiments.register_mixture(stocked, "new", parts, [0.3, 0.7], by_mass=False)
     app = view(made)
-    assert any("was not measured" in text for text in said(app))
+    assert any("was not measured. To compare, import a density test" in text for text in said(app))
     assert {"volume mean", "Toufar"} & {name for block in app.table for name in block.value.index}
 
 

@@ -52,6 +52,10 @@ def ran(one: Any) -> AppTest:
     return app
 
 
+def test_what_is_not_predicted_says_what_to_press(pebbles: Store) -> None:
+    assert set(frame_of(home(), SAID)["what there is to say"]) == {"not predicted yet: press 'Predict'"}
+
+
 def listed(app: AppTest) -> list[str]:
     return list(frame_of(app, SAID)["mixture"])
 
@@ -229,7 +233,8 @@ def test_few_messages_are_told_one_by_one_and_many_are_counted(pebbles: Store, t
     experiments.predict(pebbles, FormulaRunner(pebbles))
     app = home()
     assert [text.value.split(":")[0].replace("\\", "") for text in app.warning] == ["pebbles L+F 1", "pebbles L+M 1"]
-    assert any(text.value.startswith("Predictions: 2 failed.") for text in app.markdown)
+    said = "Predictions: 2 failed. The list tells why; choose a state above to see these alone."
+    assert said in [text.value for text in app.markdown]
     experiments.predict(pebbles, FormulaRunner(pebbles), way=Way("graded"))
     app = home()
     assert not app.warning

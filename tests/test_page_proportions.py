@@ -44,7 +44,7 @@ def has(app: AppTest, key: str) -> bool:
 
 
 def mixes(app: AppTest) -> dict[str, dict[str, str]]:
-    (table,) = [block.value for block in app.table if "its interval" in block.value]
+    (table,) = [block.value for block in app.table if "its interval [%]" in block.value]
     return {name: dict(table[name]) for name in table}
 
 
@@ -104,7 +104,7 @@ def test_a_runner_answers_the_wish_and_the_curve_of_two_is_drawn(stocked: Store,
     ]
     table = mixes(app)
     assert table["densest mix, by solid volume [%]"]["pebbles L"] == f"{100 * best.shares[0]:.4g}"
-    assert table["its interval"]["pebbles L"] == f"{100 * best.low[0]:.3g} to {100 * best.high[0]:.3g}"
+    assert table["its interval [%]"]["pebbles L"] == f"{100 * best.low[0]:.3g} to {100 * best.high[0]:.3g}"
     assert {"by mass [%]", "test next, by mass [%]"} < set(table)
     assert charted(app) == 1
     assert any("errors" in text and "too small" in text for text in said(app)), "what docs/sweep.md says of them"

@@ -11,7 +11,7 @@ from test_mixing import dense, ids
 
 from pdlab import charts, experiments
 from pdlab import store as the_store
-from pdlab.charts.proportions import CORNERS, interval_corners, places, triangle_grid
+from pdlab.charts.proportions import CORNERS, INSIDE, interval_corners, level_places, places, triangle_grid
 from pdlab.dem import VERSION
 from pdlab.errors import ShareError, UnknownName
 from pdlab.experiments import Way, sweeps
@@ -214,6 +214,19 @@ def test_the_iso_lines_grid_holds_the_corners_and_is_masked_outside_the_triangle
     right = across - 0.5 * top
     inside = ~outside
     assert z[inside] == pytest.approx((0.6 * top + 0.5 * (1.0 - top - right) + 0.4 * right)[inside]), "a plane is kept"
+
+
+def test_a_line_of_equal_pd_is_labelled_on_it_off_the_sides_and_away_from_what_is_marked() -> None:
+    shares = share_grid(3)
+    plane = np.array([0.6, 0.5, 0.4])
+    marked = places([[0.5, 0.2, 0.3], [0.2, 0.5, 0.3]])
+    found = level_places([0.41, 0.45, 0.5, 0.55], triangle_grid(shares, shares @ plane), marked)
+    assert list(found) == [0.45, 0.5, 0.55], "the line of 0.41 lies at a corner"
+    for level, at in found.items():
+        own = np.linalg.solve(np.vstack([CORNERS.T, np.ones(3)]), [*at, 1.0])
+        assert own @ plane == pytest.approx(level)
+        assert own.min() >= INSIDE - 1e-9
+        assert np.linalg.norm(marked - at, axis=1).min() > 0.15
 
 
 def test_the_triangle_marks_the_densest_mix_and_what_was_measured_at_their_shares() -> None:

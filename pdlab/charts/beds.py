@@ -9,6 +9,8 @@ from pdlab.experiments import DrawnBed
 
 CORNERS = 42
 """Corners of a ball that is drawn."""
+LABELS = 6
+"""So many on the longest axis, fewer on the others, where they would overlap."""
 
 
 def bed(drawn: DrawnBed) -> go.Figure:
@@ -27,12 +29,13 @@ def bed(drawn: DrawnBed) -> go.Figure:
             lightposition={"x": -1000, "y": -3000, "z": 3000},
         )  # fmt: skip
     low, high = (centre - radius).min(axis=0), (centre + radius).max(axis=0)
+    part = (high - low) / (high - low).max()
     axes = {
-        f"{axis}axis": {"title": f"{axis} [mm]", "gridcolor": GRID, "range": [float(low[n]), float(high[n])]}
+        f"{axis}axis": {"title": f"{axis} [mm]", "gridcolor": GRID, "range": [float(low[n]), float(high[n])],
+                        "nticks": 2 + round(LABELS * float(part[n]))}
         for n, axis in enumerate("xyz")
-    }
-    longest = float((high - low).max())
-    ratio = {axis: float(high[n] - low[n]) / longest for n, axis in enumerate("xyz")}
+    }  # fmt: skip
+    ratio = {axis: float(part[n]) for n, axis in enumerate("xyz")}
     figure.update_layout(
         scene={
             "aspectmode": "manual",

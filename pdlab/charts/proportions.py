@@ -10,6 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CloughTocher2DInterpolator
+from scipy.spatial.distance import cdist
 
 from pdlab.charts.style import BAND, GRID, INK, LINES, SERIES, shown, styled
 from pdlab.experiments import Proportions
@@ -29,7 +30,11 @@ ISO_LINES = 8
 """About so many lines of equal PD."""
 SCALE = ((0.0, "#2a2f5e"), (0.5, "#2f6f8a"), (1.0, "#3f9b6b"))
 """From loose to dense; dark enough for white letters at both ends."""
+SHADOW = ", ".join(["0 0 3px #22405f"] * 4)
+"""Behind white letters on a line."""
 THIN = "rgba(255, 255, 255, 0.6)"
+INSIDE = 0.07
+"""Of each aggregate there is at least this share [-] where a line of equal PD is labelled: a label cut is none."""
 AWAY = 0.015
 """Of the percent labels from their sides, in lengths of a side."""
 BESIDE = ("middle left", "bottom center", "middle right")
@@ -150,13 +155,13 @@ def proportion_triangle(known: Proportions, result: Swept) -> go.Figure:
 
     The polygon around the densest mix holds the proportions within the intervals of its shares.
     """
-    figure = go.Figure()
-    _add_surface(figure, known.names, result)
+    figure, marked = go.Figure(), _marks(known, result)
+    _add_surface(figure, known.names, result, places(np.concatenate([marks.shares for marks in marked])))
     _add_scales(figure, known.names)
     around = places(interval_corners(result.densest))
     figure.add_scatter(x=around[:, 0], y=around[:, 1], mode="lines", line={"color": LINES[5], "width": 2},
                        hoverinfo="skip", name="densest mix, its interval")  # fmt: skip
-    for marks in _marks(known, result):
+    for marks in marked:
         at = places(marks.shares)
         figure.add_scatter(
             x=at[:, 0], y=at[:, 1], mode="markers", name=marks.name, text=marks.texts(known.names),
@@ -169,16 +174,25 @@ def proportion_triangle(known: Proportions, result: Swept) -> go.Figure:
     return styled(figure, 680).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.02})
 
 
-def _add_surface(figure: go.Figure, names: Sequence[str], result: Swept) -> None:
-    """Draw the areas between lines of equal PD, and what is said at each place of the sweep's grid."""
+def _add_surface(figure: go.Figure, names: Sequence[str], result: Swept, marked: Floats) -> None:
+    """Draw the areas between lines of equal PD, and what is said at each place of the sweep's grid.
+
+    ``marked``: places, shape (K, 2), which the labels of the lines leave free.
+    """
     x, y, values = triangle_grid(result.shares, result.packing_density)
     step = _step(float(np.ptp(result.packing_density)))
+    first, last = math.ceil(np.nanmin(values) / step), math.floor(np.nanmax(values) / step)
     figure.add_contour(
         x=x, y=y, z=values.astype(np.float32), colorscale=SCALE, hoverinfo="skip", line={"color": THIN, "width": 1},
-        contours={"start": step * math.ceil(np.nanmin(values) / step), "end": float(np.nanmax(values)), "size": step,
-                  "showlabels": True, "labelfont": {"color": "white", "size": 12}},
-        colorbar={"title": {"text": "PD", "side": "right"}, "orientation": "h", "y": 1.0, "yanchor": "bottom",
-                  "thickness": 12, "len": 0.5},
+        contours={"start": step * first, "end": float(np.nanmax(values)), "size": step},
+        colorbar={"title": {"text": label("packing_density"), "side": "top"}, "orientation": "h", "y": 1.0,
+                  "yanchor": "bottom", "thickness": 12, "len": 0.5},
+    )  # fmt: skip
+    lines = level_places([step * k for k in range(first, last + 1)], (x, y, values), marked)
+    figure.add_scatter(
+        x=[at[0] for at in lines.values()], y=[at[1] for at in lines.values()], mode="text", hoverinfo="skip",
+        text=[f"{level:.4g}" for level in lines], textfont={"color": "white", "size": 12, "shadow": SHADOW},
+        showlegend=False, name="lines of equal PD",
     )  # fmt: skip
     told = np.all(np.abs(result.shares / TOLD - np.round(result.shares / TOLD)) < 1e-6, axis=1)
     at = places(result.shares[told])
@@ -190,6 +204,27 @@ def _add_surface(figure: go.Figure, names: Sequence[str], result: Swept) -> None
     ]
     figure.add_scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 10, "opacity": 0.0}, text=texts,
                        hovertemplate="%{text}<extra></extra>", showlegend=False, name="proportions")  # fmt: skip
+
+
+def level_places(levels: Sequence[float], grid: tuple[Floats, Floats, Floats], taken: Floats) -> dict[float, Floats]:
+    """Return where each line of equal PD is labelled, shape (2,): on it, off the sides, farthest from what is taken.
+
+    ``grid``: as ``triangle_grid`` returns it. ``taken``: places, shape (K, 2). A line at the sides alone has no label.
+    """
+    x, y, values = grid
+    out = dict[float, Floats]()
+    for level in levels:
+        left, right = values[:, :-1] - level, values[:, 1:] - level
+        row, column = np.nonzero(left * right < 0.0)  # outside, NaN is not less
+        part = left[row, column] / (left[row, column] - right[row, column])
+        at = np.stack([x[column] + part * (x[1] - x[0]), y[row]], axis=1)
+        top = at[:, 1] / CORNERS[0, 1]
+        third = at[:, 0] - 0.5 * top
+        at = at[np.min([top, third, 1.0 - top - third], axis=0) >= INSIDE]
+        if len(at):
+            out[level] = at[np.argmax(cdist(at, taken).min(axis=1))]
+            taken = np.concatenate([taken, out[level][None]])
+    return out
 
 
 def _step(span: float) -> float:

@@ -10,8 +10,8 @@ from pdlab.experiments import Summary
 from pdlab.grading import Grading, indices, interpolated_sieves, retained_percents
 from pdlab.page import greeting, links
 from pdlab.page.gradings import compare
-from pdlab.page.wording import MISSING, plain
-from pdlab.quantities import heading
+from pdlab.page.wording import MISSING, begun, digits, plain
+from pdlab.quantities import QUANTITIES, heading
 from pdlab.store import Store
 
 LISTED, OVERLAID, FIRST = 200, 8, 3  # rows of the list; curves that may be and are overlaid
@@ -30,6 +30,15 @@ COLUMNS = {
 }
 FORMATS = {"finest_mm": "%.4g", "coarsest_mm": "%.4g", "diameter_mm": "%.2f", "packing_density": "%.4f",
            "friction": "%.4f", "rolling_friction": "%.4f"}  # fmt: skip
+MEANINGS = {
+    "finest_mm": "the smallest grain in the pan, else the finest sieve",
+    "coarsest_mm": "the coarsest sieve",
+    "diameter_mm": QUANTITIES["diameter"].meaning,
+    "packing_density": QUANTITIES["measured"].meaning,
+    "friction": f"{QUANTITIES['friction'].meaning}, calibrated",
+    "rolling_friction": f"{QUANTITIES['rolling'].meaning}, calibrated",
+}
+ADD, CALIBRATED = ":material/add:", ":material/tune:"
 
 
 def show(target: Store) -> None:
@@ -37,7 +46,7 @@ def show(target: Store) -> None:
     search, new = st.columns([3, 1], vertical_alignment="bottom")
     text = search.text_input("Search by name", key="search")
     with new:
-        links.link("Enter a new aggregate", "new-aggregate")
+        links.link("Enter a new aggregate", "new-aggregate", ADD)
     known = _list(target, text)
     chosen_before = {key: st.session_state[NAMES][key] for key in st.session_state.get("shown", ())}
     offered = chosen_before | known  # what is looked at stays when the search changes
@@ -72,8 +81,11 @@ def _list(target: Store, search: str) -> dict[int, str]:
         if len(rows) == LISTED:
             st.caption(f"The newest {LISTED}; search for others.")
         frame = pd.DataFrame(rows, columns=names).drop(columns="aggregate_id").rename(columns=COLUMNS)
-        numbers = {COLUMNS[name]: st.column_config.NumberColumn(format=text) for name, text in FORMATS.items()}
-        height = min(36 * (len(rows) + 1), 324)
+        numbers = {
+            COLUMNS[name]: st.column_config.NumberColumn(format=text, help=begun(MEANINGS[name]))
+            for name, text in FORMATS.items()
+        }
+        height = min(35 * (len(rows) + 1) + 2, 324)
         st.dataframe(
             frame, hide_index=True, column_config=numbers, key="shelf", height=height, placeholder=MISSING,
             alt="The aggregates with their sizes, measured packing densities and friction coefficients",
@@ -83,12 +95,15 @@ def _list(target: Store, search: str) -> dict[int, str]:
 
 def _say(chosen: Sequence[Summary]) -> None:
     """Lead to the aggregates' calibrations and to further tests of them, and say what stands against them."""
-    ways = {"calibration": "Calibration of {}", "new-aggregate": "Add a sieve analysis or a density test of {}"}
-    for address, words in ways.items():
+    ways = (
+        ("calibration", CALIBRATED, "Calibration of {}"),
+        ("new-aggregate", ADD, "Add a sieve analysis or a density test of {}"),
+    )
+    for address, sign, words in ways:
         with st.container(horizontal=True):
             for one in chosen:
                 name = _name(one.name, one.delivery)
-                links.link(words.format(name), address, aggregate=str(one.aggregate_id))
+                links.link(words.format(name), address, sign, aggregate=str(one.aggregate_id))
     for one in chosen:
         if one.message:
             st.warning(plain(f"{one.name}: {one.message}"))
@@ -107,8 +122,7 @@ def _compare(gradings: Mapping[str, Grading]) -> None:
 def _indices(gradings: Mapping[str, Grading]) -> None:
     st.subheader("Indices", anchor=False)
     found = {
-        name: {heading(index): f"{value:.3g}" for index, value in indices(one).items()}
-        for name, one in gradings.items()
+        name: {heading(index): digits(value) for index, value in indices(one).items()} for name, one in gradings.items()
     }
     st.table(pd.DataFrame({plain(name): values for name, values in found.items()}))
     between = {sieve for one in gradings.values() for sieve in interpolated_sieves(one)}

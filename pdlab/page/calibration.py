@@ -36,8 +36,8 @@ def show(target: Store) -> None:
     elif known.curve is not None:
         st.plotly_chart(charts.calibration_curve(known, known.curve), key="curve")
         st.caption(
-            "Across: the measured value ± its error. Upright: the coefficient's interval. The axis is spaced by the "
-            "root of the coefficient."
+            "Across: the measured value ± its error. Upright: the coefficient's interval, where the curve lies within "
+            "that error. The axis is spaced by the root of the coefficient."
         )
     lab_report.offer(known.name, partial(report.aggregate, target, chosen))
 
@@ -59,7 +59,7 @@ def _choose(target: Store) -> int | None:
 def _result(known: Explained) -> None:
     """Say the coefficient with its interval, the method and why, or why there is no calibration."""
     if known.message:
-        st.warning(plain(known.message))
+        st.warning(plain(begun(known.message)))
     if known.value is not None and known.curve is not None:
         first, second = st.columns(2)
         low, high = ("beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high))
@@ -67,22 +67,22 @@ def _result(known: Explained) -> None:
             begun(label(known.curve.coefficient)), f"{known.value:.4f}", f"its interval: {low} to {high}",
             delta_color="off", delta_arrow="off",
         )  # fmt: skip
+        digits = 4 if known.curve.sought == "packing_density" else 1
         second.metric(
-            begun(label(known.curve.sought)) + ", measured", f"{known.measured:.4g} ± {known.measured_error:.2g}"
-        )
+            begun(label(known.curve.sought)) + ", measured",
+            f"{known.measured:.{digits}f} ± {known.measured_error:.{digits}f}",
+        )  # fmt: skip
     if known.method:
         tried = "Method" if known.value is not None else "Method tried"
         st.markdown(plain(f"{tried}: {known.method}, {known.why}."))
     for note in known.notes:
-        st.caption(plain(note))
+        st.caption(plain(begun(note)))
 
 
 def _ask(target: Store, chosen: int) -> None:
     """Offer to wish for a calibration."""
     left, right = st.columns([1, 1], vertical_alignment="bottom")
-    method = left.selectbox(
-        "Method", choosing.WAYS, key="way", help="auto takes the first of the others that reaches the test."
-    )
+    method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Calibrate", type="primary", key="calibrate"):
         if refused := experiments.ask_calibration(target, chosen, method):
             st.error(plain(refused))

@@ -12,6 +12,13 @@ from pdlab.store import Store
 
 LISTED, LEAST, MOST = 200, 2, 5  # aggregates to choose from; how many a mixture has
 WAYS = (OTHERS[1], *METHODS, OTHERS[0])  # auto first
+WAYS_HELP = """
+- auto: for each aggregate the first of the next three that reaches its density test
+- monosized: equal spheres with friction
+- monosized_rolling: with rolling resistance too, for what packs looser
+- graded: spheres of every sieve class, for what packs denser
+- repose: friction by the angle of repose, in place of the density test
+"""
 
 
 def named(target: Store, wanted: Collection[int] = ()) -> dict[int, str]:

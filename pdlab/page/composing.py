@@ -26,7 +26,10 @@ def show(target: Store) -> None:
     known |= choosing.others(target, known, PARTS)
     left, right = st.columns([3, 1])
     name = left.text_input("Name of the mixture", key=NAME)
-    basis = right.radio("Shares by", BASES, horizontal=True, key=BASIS)
+    basis = right.radio(
+        "Shares by", BASES, horizontal=True, key=BASIS,
+        help="Solid volume: of the grains without the voids between them. By mass the particle densities are needed.",
+    )  # fmt: skip
     ids = choosing.several(known, PARTS)
     shares = _ask_shares(ids, known) if ids else None
     unsaved.keep()

@@ -1,6 +1,6 @@
 """The density tests in the form: their texts, and the packing density and voids derived while they are typed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -55,10 +55,11 @@ def ask(box: DeltaGenerator, k: int) -> dict[str, str]:
     return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}
 
 
-def say(box: DeltaGenerator, read: TestRead) -> None:
-    """Say what a density test means, or what is wrong with it, within its frame."""
+def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None:
+    """Say what a density test means, or what is wrong with it but for what is ``said`` already, within its frame."""
     for sentence in read.wrong:
-        box.error(plain(sentence))
+        if sentence not in said:
+            box.error(plain(sentence))
     if read.measured is None:
         return
     left, right = box.columns([2, 1])

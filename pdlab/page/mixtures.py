@@ -69,10 +69,7 @@ def _wish(target: Store, chosen: int) -> None:
 def _ask(target: Store, chosen: int) -> None:
     """Offer to wish for a prediction."""
     left, right = st.columns([1, 1], vertical_alignment="bottom")
-    method = left.selectbox(
-        "Method", choosing.WAYS, key="way",
-        help="auto takes for each aggregate the first of the others that reaches its test.",
-    )  # fmt: skip
+    method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Predict", type="primary", key="predict"):
         if refused := experiments.ask_prediction(target, chosen, method):
             st.error(plain(refused))

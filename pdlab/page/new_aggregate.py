@@ -31,6 +31,7 @@ def show(target: Store) -> None:
         elif not st.session_state[OPEN]:
             _offer_drafts(target)
     texts = _material()
+    about = st.container()  # what is wrong with the aggregate's own texts stands below them
     left, right = st.columns(2, gap="medium")
     with left:
         st.subheader("Sieve analysis", anchor=False)
@@ -44,10 +45,10 @@ def show(target: Store) -> None:
     read = experiments.read_entered(entered)
     with right:
         _grading(read.sieves, texts["kind"])
-    for box, test in zip(boxes, read.tests, strict=True):
-        density_tests.say(box, test)
     for sentence in read.wrong:
-        st.error(plain(sentence))
+        about.error(plain(sentence))
+    for box, test in zip(boxes, read.tests, strict=True):
+        density_tests.say(box, test, read.wrong)
     _keep(target, entered)
     if st.button("Save", type="primary", key="save"):
         _save(target, entered)
@@ -180,4 +181,5 @@ def _save(target: Store, entered: EnteredAggregate) -> None:
     if number := st.session_state.pop(OPEN):
         experiments.delete_draft(target, int(number))
     del st.session_state["name"]
-    links.go("aggregates", f"saved: {entered.texts['name'].strip()}")
+    name = entered.texts["name"].strip()
+    links.go("aggregates", f"saved: {name}; next, calibrate it (below), or put it into a mixture and predict that")

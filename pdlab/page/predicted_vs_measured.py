@@ -11,7 +11,7 @@ from pdlab import charts, experiments
 from pdlab.comparison import Figure
 from pdlab.experiments import LISTED, Cell, Filters, Judged, Parity
 from pdlab.page import filters, greeting, links, picking
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
 
@@ -114,12 +114,13 @@ def _say(found: Parity) -> None:
               f"{found.with_warnings} with a warning": found.with_warnings}  # fmt: skip
     told = [text for text, count in counts.items() if count]
     if told:
-        st.markdown(f"Predictions: {', '.join(told)}. The list tells why; choose a state above to see these alone.")
+        alone = "; choose a state above to see these alone" if failed + outdated else ""
+        st.markdown(f"Predictions: {', '.join(told)}. The list tells why{alone}.")
     if failed + outdated + found.with_warnings <= FEW:
         columns = [LISTED.index(name) for name in ("state", "mixture", "message")]
         for state, mixture, message in ([row[k] for k in columns] for row in found.listed):
             if message and state != "open":
-                st.warning(plain(f"{mixture}: {message}"))
+                st.warning(plain(f"{mixture}: {pressed(message)}"))
     if found.opened:
         are = "mixture is" if found.opened == 1 else "mixtures are"
         st.info(f"{found.opened} {are} measured and not predicted yet. Open one and press 'Predict':")
@@ -194,10 +195,11 @@ def _list(target: Store, asked: Filters, found: Parity) -> None:
     if len(found.listed) == ROWS:
         st.caption(f"The first {ROWS}; the file holds all that meet the filters.")
     frame = pd.DataFrame(found.listed, columns=list(LISTED))
+    frame["message"] = frame["message"].map(pressed, na_action="ignore")
     picking.show_rows(frame["mixture_id"].tolist())
     columns: dict[str, Any] = {HEADINGS[name]: st.column_config.NumberColumn(format="%.4f") for name in NUMBERS}
     columns[HEADINGS["message"]] = st.column_config.TextColumn(width="large")
-    st.caption("Tick a row to open its mixture.")
+    st.caption("Tick a row to open its mixture, where 'Predict' is.")
     st.dataframe(
         frame[list(HEADINGS)].rename(columns=HEADINGS), hide_index=True, key="predictions", column_config=columns,
         on_select=_open_row, selection_mode="single-row", placeholder="",

@@ -7,8 +7,8 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import charts, density, experiments
 from pdlab.errors import InputError
 from pdlab.experiments import Composed, PredictionReport
-from pdlab.page.wording import begun, plain
-from pdlab.quantities import heading
+from pdlab.page.wording import begun, plain, pressed
+from pdlab.quantities import QUANTITIES, heading
 from pdlab.store import Store
 
 DRAWN = 3000  # spheres of a bed at most: what a browser still turns smoothly
@@ -31,7 +31,7 @@ def result(target: Store, composed: Composed) -> str | None:
     if report.packing_density is not None:
         _metrics(report, report.packing_density, composed)
     for note in report.notes if methods else ():
-        st.warning(plain(note))
+        st.warning(plain(pressed(note)))
     _beside(report)
     if report.packing_density is not None and report.prediction_id is not None:
         _bed(target, report.prediction_id)
@@ -78,8 +78,13 @@ def _beside(report: PredictionReport) -> None:
             ]
         frame.index = pd.Index([plain(name) for name in shown])
         st.table(frame)
+        named = [name for name in BESIDE if heading(name) in shown]
+        st.caption(". ".join(f"{begun(heading(name))}: {QUANTITIES[name].meaning}" for name in named) + ".")
     if report.measured is None:
-        st.caption("The mixture was not measured: import a density test of it to compare.")
+        st.caption(
+            "The mixture was not measured. To compare, import a density test of it: a file packing_tests.csv with the "
+            "columns material (the mixture's name), compaction and voids_percent, taken in by `pdlab import`."
+        )
     if report.tested_otherwise:
         st.warning(plain(begun(report.tested_otherwise)))
     if report.theory_message:
@@ -96,8 +101,6 @@ def _bed(target: Store, prediction_id: int) -> None:
         st.error(plain(str(error)))
         return
     st.plotly_chart(charts.bed(bed), key="spheres")
-    part = "all" if bed.total == len(bed.place) else f"the {len(bed.place)} in front of"
-    st.caption(
-        f"Run {bed.digest[:12]}, seed {bed.seed}: {part} {bed.total} spheres. "
-        "`pdlab bed` writes the whole bed for ParaView."
-    )
+    everything = bed.total == len(bed.place)
+    part = f"all {bed.total} spheres" if everything else f"of {bed.total} spheres the {len(bed.place)} in front"
+    st.caption(f"Run {bed.digest[:12]}, seed {bed.seed}: {part}. `pdlab bed` writes the whole bed for ParaView.")

@@ -80,17 +80,14 @@ def _new(target: Store) -> None:
     known |= choosing.others(target, known, PARTS)
     ids = choosing.several(known, PARTS)
     st.caption(
-        "A sweep simulates beds where they tell most of the densest mix: up to 12, 30, 50 or 70 of two to five "
-        "aggregates, each calibrated first."
+        "A sweep looks for the densest mix: it calibrates each aggregate, then simulates the proportions that tell "
+        "most, up to 12 beds of spheres of two aggregates, 30 of three, 50 of four, 70 of five."
     )
     if not ids:
         return
     st.query_params[AGGREGATES] = ",".join(map(str, ids))
     left, right = st.columns([1, 1], vertical_alignment="bottom")
-    method = left.selectbox(
-        "Method", choosing.WAYS, key="way",
-        help="auto takes for each aggregate the first of the others that reaches its test.",
-    )  # fmt: skip
+    method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Sweep", type="primary", key="ask"):
         _ask(target, ids, method)
 
@@ -143,7 +140,7 @@ def _mixes(known: Proportions, result: Swept) -> None:
     by_mass, next_by_mass = known.mass_shares
     columns = {
         "densest mix, by solid volume [%]": _percent(best.shares),
-        "its interval": [f"{100.0 * a:.3g} to {100.0 * b:.3g}" for a, b in zip(best.low, best.high, strict=True)],
+        "its interval [%]": [f"{100.0 * a:.3g} to {100.0 * b:.3g}" for a, b in zip(best.low, best.high, strict=True)],
         "by mass [%]": _percent(by_mass),
         "to test next, by solid volume [%]": _percent(None if test is None else test.shares),
         "test next, by mass [%]": _percent(next_by_mass),
