@@ -20,9 +20,7 @@ OF_PROVIDER = ("client_id", "client_secret", "server_metadata_url")
 CALLBACK = "/oauth2callback"
 SECRET = 32  # characters of a cookie_secret at least: who guesses it signs in as anybody
 MODULES = ("authlib", "httpx")
-REQUIRED = (
-    "PDLAB_SIGN_IN"  # set with a sign-in at the start, and by a page that has seen one: without it, it stays closed
-)
+REQUIRED = "PDLAB_SIGN_IN"  # set with a sign-in, and by a page that has seen one: without one the page stays closed
 
 
 def is_admitted() -> bool:
