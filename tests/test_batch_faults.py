@@ -139,6 +139,7 @@ def test_every_row_is_answered_once_while_workers_are_killed(
 
 
 BATCH = """
+import signal
 import sys
 from pathlib import Path
 import test_batch_faults as faults
@@ -147,6 +148,7 @@ from pdlab.lab import Lab
 
 if __name__ == "__main__":
     pools.advance = faults.slow_advance
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     with Lab(sys.argv[1], workers=2) as lab:
         print(lab.batch(sys.argv[2], sys.argv[3], faults.METHOD, seeds=faults.SEEDS).runs)
 """
@@ -187,7 +189,7 @@ def test_after_the_runner_was_ended_only_what_is_missing_runs(
 ) -> None:
     write_table(tmp_path / "in.csv", blends(20))
     filled(address)
-    first = start(tmp_path, address, 0.8)
+    first = start(tmp_path, address, 0.3)
     wait_for_runs(address, 10, first)
     first.send_signal(how)
     first.communicate(timeout=60)

@@ -1,6 +1,7 @@
 """A real headless Chromium signs in at a provider, sees the page, and signs out again."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -50,7 +51,8 @@ def test_signing_in_shows_the_page_and_signing_out_hides_it(tmp_path: Path) -> N
             expect(page.get_by_text(f"Signed in as {EMAIL}")).to_be_visible(timeout=20_000)
             page.goto(f"{address}/aggregates")
             expect(page.get_by_text("Search by name")).to_be_visible(timeout=20_000)
-            page.get_by_role("button", name="Sign out").click()
+            with page.expect_response(re.compile("/auth/logout")):  # which takes the cookie back
+                page.get_by_role("button", name="Sign out").click()
             expect(page.get_by_role("button", name="Sign in")).to_be_visible(timeout=20_000)
             page.goto(f"{address}/aggregates")
             expect(page.get_by_role("button", name="Sign in")).to_be_visible(timeout=20_000)
