@@ -215,6 +215,7 @@ def test_a_text_in_a_style_sheet_says_itself_and_ends_nothing(text: str) -> None
 @given(st.text(max_size=20))
 def test_a_name_becomes_the_name_of_a_file(name: str) -> None:
     assert re.fullmatch(r"report-[0-9A-Za-z_.+-]+\.html", report.file_name(name))
+    assert len(report.file_name(300 * name)) < 100
 
 
 def test_every_number_of_a_mixture_stands_in_its_report(predicted: Store) -> None:

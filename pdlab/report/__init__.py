@@ -8,7 +8,7 @@ from pdlab.errors import InputError
 from pdlab.experiments import REFERENCES, AggregateDocument, MixtureDocument
 from pdlab.experiments.references import NOTE
 from pdlab.report import figures
-from pdlab.report.pages import moment, page
+from pdlab.report.pages import LONGEST, moment, page
 from pdlab.store import Store
 
 __all__ = ["aggregate", "file_name", "mixture", "named", "refused"]
@@ -71,8 +71,9 @@ def refused(sentence: str) -> str:
 
 
 def file_name(name: str) -> str:
-    """Return a file's name for the report of what has a name."""
-    return f"report-{re.sub(r'[^0-9A-Za-z_.+-]+', '-', name).strip('-.') or 'unnamed'}.html"
+    """Return a file's name for the report of what has a name, of which a file system takes only so much."""
+    short = re.sub(r"[^0-9A-Za-z_.+-]+", "-", name).strip("-.")[:LONGEST]
+    return f"report-{short or 'unnamed'}.html"
 
 
 def _dated(at: dt.datetime | None) -> str:

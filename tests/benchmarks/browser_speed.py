@@ -2,11 +2,9 @@
 
 ``python tests/benchmarks/browser_speed.py [FILE]``: takes the store in FILE, or builds one of 100 000 runs and 10 000
 mixtures there (in a temporary folder by default), serves it and the empty page, and opens both in a headless Chromium,
-turn by turn. ``--people N`` then lets N people use the page at once while a runner works out what they wish for.
-Times are medians of the rounds, in ms of the clock; what counts is the ratio to the empty page in the same run.
+turn by turn. Times are medians of the rounds, in ms of the clock; what counts is the ratio to the empty page.
 """
 
-import argparse
 import os
 import random
 import shutil
@@ -14,7 +12,6 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,16 +19,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 from page_speed import filled
 from playwright.sync_api import sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from test_browser import FLAGS, NAMES, free_port
-
-from pdlab import experiments, store
-from pdlab.experiments import Way
 
 EMPTY = """
 import numpy as np
@@ -44,9 +37,8 @@ st.selectbox("Choice", range(200), key="choice")
 x = np.linspace(0.0, 1.0, 500)
 st.plotly_chart(go.Figure(go.Scatter(x=x, y=np.sin(9.0 * x + st.session_state.choice), mode="markers")), key="chart")
 """
-ROUNDS, PAUSE = 7, 2.0
-"""Times that each view is opened and each interaction done; seconds that people think, on average."""
-LIMIT, CROWDED = 1.5, 3.0
+ROUNDS, LIMIT = 7, 1.5
+"""Times that each view is opened and each interaction done; how many times as long as the empty page they may take."""
 WATCH = """() => {
   const app = document.querySelector('[data-testid=stApp]');
   const begin = performance.now();
@@ -193,88 +185,21 @@ def said(name: str, ours: list[float], theirs: list[float]) -> None:
     print(f"{one:8.0f} {other:8.0f} {one / other:6.2f}  {name}{mark}", flush=True)
 
 
-def person(endpoint: str, address: str, seconds: float, seed: int, times: dict[str, list[float]]) -> None:
-    """Use the page for some seconds, with pauses to think, in a window of its own."""
-    draw = random.Random(seed)
-    with sync_playwright() as play:
-        browser = play.chromium.connect_over_cdp(endpoint)
-        page = browser.new_context().new_page()
-        wrong = times["errors"]
-        page.on("pageerror", lambda error: wrong.append(str(error)))
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            view = draw.choice(list(VIEWS))
-            query, charts = VIEWS[view]
-            try:
-                times[f"first view of /{view}"].append(opened(page, f"{address}/{view}{query}", charts))
-                for step in (step for step in STEPS if step.address == view):
-                    time.sleep(draw.expovariate(1.0 / PAUSE))
-                    times[f"/{view}: {step.name}"].append(done(page, step))
-            except Exception as error:
-                wrong.append(f"{view}: {error}")
-            wrong += page.get_by_test_id("stException").all_inner_texts()
-            time.sleep(draw.expovariate(1.0 / PAUSE))
-        browser.close()
-
-
-def people(endpoint: str, address: str, count: int, seconds: float) -> dict[str, list[float]]:
-    """Let people use the page at once; return their times [ms] by what they did, and what went wrong as ``errors``."""
-    times: dict[str, list[float]] = {"errors": []} | {f"first view of /{view}": [] for view in VIEWS}
-    times |= {f"/{step.address}: {step.name}": [] for step in STEPS}
-    threads = [threading.Thread(target=person, args=(endpoint, address, seconds, k, times)) for k in range(count)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return times
-
-
-def crowded(endpoint: str, url: str, count: int, seconds: float) -> None:
-    """Print how much longer people wait when so many are there at once and the runner works than one alone."""
-    with served(["pdlab.cli", "serve", "--no-runner"], url) as address:
-        people(endpoint, address, 1, 0.2 * seconds)
-        alone = people(endpoint, address, 1, seconds)
-    target = store.open_store(url)
-    experiments.ask_predictions(target, experiments.to_predict(target, ())[:200], Way(seeds=8), 0)
-    target.close()
-    with served(["pdlab.cli", "serve"], url) as address:
-        psutil.cpu_percent()
-        together = people(endpoint, address, count, seconds)
-        print(f"processor {psutil.cpu_percent():.0f} % busy; {len(together['errors'])} errors in {seconds:.0f} s")
-    for sentence in alone.pop("errors") + together.pop("errors"):
-        print(f"  {sentence.splitlines()[0]}")
-    for name, ours in together.items():
-        if ours and alone[name]:
-            one, other = statistics.median(ours), statistics.median(alone[name])
-            mark = "" if one <= CROWDED * other else f"   above {CROWDED}"
-            print(f"{one:8.0f} {other:8.0f} {one / other:6.2f}  {name} ({len(ours)} times){mark}", flush=True)
-
-
-def main(path: Path, count: int, seconds: float) -> None:
-    """Build the store where there is none, and print the tables."""
+def main(path: Path) -> None:
+    """Build the store where there is none, and print the table."""
     target = filled(path)
     target.close()
     browser_path = next(found for name in NAMES if (found := shutil.which(name)))
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
-        script, port = Path(folder) / "empty.py", free_port()
+        script = Path(folder) / "empty.py"
         script.write_text(EMPTY, encoding="utf-8")
-        flags = [*FLAGS, f"--remote-debugging-port={port}"]
-        browser = play.chromium.launch(executable_path=browser_path, args=flags)
-        beside = play.chromium.launch(executable_path=browser_path, args=FLAGS)
-        if count:
-            crowded(f"http://127.0.0.1:{port}", target.url, count, seconds)
-            return
+        browsers = [play.chromium.launch(executable_path=browser_path, args=FLAGS) for _ in range(2)]
         quiet = ["--server.headless=true", "--browser.gatherUsageStats=false", "--server.fileWatcherType=none"]
         plain = ["streamlit", "run", str(script), "--server.address=127.0.0.1", "--client.toolbarMode=viewer", *quiet]
         with served(["pdlab.cli", "serve", "--no-runner"], target.url) as address, served(plain) as empty:
-            compared([browser, beside], address, empty)
+            compared(browsers, address, empty)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("file", nargs="?", type=Path)
-    parser.add_argument("--people", type=int, default=0)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
-        main(asked.file or Path(place) / "lab.db", asked.people, asked.seconds)
+        main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(place) / "lab.db")
