@@ -1,9 +1,9 @@
 """How long the server takes to answer when many people use the page of a large store at once.
 
 ``python tests/benchmarks/people_speed.py [FILE]``: takes a store that ``page_speed.py`` made, or makes one in a
-temporary folder; wishes are added to it. One person opens views and has them drawn again, with a second or two to think; then ten
-do, while a runner uses both cores. They speak with the server as a browser does, and draw nothing, since their browsers
-run elsewhere. Times are medians in ms of the clock.
+temporary folder; wishes are added to it. One person opens views and has them drawn again, with a second or two to
+think; then ten do, while a runner uses both cores. They speak with the server as a browser does, and draw nothing,
+since their browsers run elsewhere. Times are medians in ms of the clock.
 """
 
 import argparse
