@@ -240,3 +240,15 @@ def test_the_state_is_another_one_after_every_write_and_the_same_while_nothing_i
     with opened.snapshot() as still:
         assert still.state() is None
     other.close()
+
+
+def test_a_store_that_was_opened_anew_is_not_taken_for_its_state_before(tmp_path: Path) -> None:
+    seen = list[str | None]()
+    for name in ("A", "B", "C"):
+        opened = open_store(str(tmp_path / "lab.db"))
+        seen.append(opened.state())
+        with opened.write() as session:
+            session.add(Aggregate(name=name, delivery=""))
+        seen.append(opened.state())
+        opened.close()
+    assert len(set(seen)) == 6
