@@ -12,15 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import psutil
+from servers import free_port
 
 ROOT = Path(__file__).parent.parent
-
-
-def free_port() -> int:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        port: int = taken.getsockname()[1]
-        return port
 
 
 def loaded(module: str) -> bool:

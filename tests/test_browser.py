@@ -4,11 +4,7 @@ import io
 import os
 import re
 import shutil
-import socket
 import subprocess
-import sys
-import time
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +13,7 @@ import psutil
 import pytest
 from conftest import FormulaPool, FormulaRunner
 from PIL import Image
+from servers import free_port, serving
 
 from pdlab import Lab, experiments
 from pdlab import store as store_module
@@ -36,41 +33,15 @@ if BROWSER is None and os.environ.get("PDLAB_REQUIRE_BROWSER") != "1":
     pytest.skip(f"no browser on the path (looked for {', '.join(NAMES)})", allow_module_level=True)
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[str]:
     """``pdlab serve`` on a free port; ended as a user would end it."""
-    port = free_port()
-    command = [
-        sys.executable,
-        "-m",
-        "pdlab.cli",
-        "serve",
-        "--no-runner",
-        "--store",
-        str(tmp_path / "lab.db"),
-        "--port",
-        str(port),
-    ]
-    server = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    address = f"http://127.0.0.1:{port}"
-    try:
-        for _ in range(240):
-            assert server.poll() is None, "the server ended"
-            try:
-                urllib.request.urlopen(f"{address}/_stcore/health", timeout=1).close()
-                break
-            except OSError:
-                time.sleep(0.25)
-        yield address
-    finally:
-        server.terminate()
-        server.wait(20)
+    port, store = free_port(), str(tmp_path / "lab.db")
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with serving(
+        "pdlab.cli", "serve", "--no-runner", "--store", store, "--port", str(port), port=port, cwd=tmp_path, **quiet
+    ):
+        yield f"http://127.0.0.1:{port}"
 
 
 @pytest.fixture

@@ -3,13 +3,12 @@
 import os
 import re
 import subprocess
-import sys
-import time
-import urllib.request
 from pathlib import Path
+from typing import Any
 
 from oidc import EMAIL, provider, secrets_toml
-from test_browser import BROWSER, FLAGS, free_port
+from servers import free_port, serving
+from test_browser import BROWSER, FLAGS
 
 from pdlab import experiments
 from pdlab.lab import SHIPPED
@@ -29,18 +28,12 @@ def test_signing_in_shows_the_page_and_signing_out_hides_it(tmp_path: Path) -> N
     (tmp_path / ".streamlit").mkdir()
     with provider() as trusted, sync_playwright() as play:
         (tmp_path / ".streamlit" / "secrets.toml").write_text(secrets_toml(trusted.issuer, address))
-        command = [sys.executable, "-m", "pdlab.cli", "serve", "--no-runner", "--store", "lab.db", "--port", str(port),
-                   "--address", "0.0.0.0"]  # fmt: skip
-        server = subprocess.Popen(command, cwd=tmp_path, env={**os.environ, "HOME": str(tmp_path)},
-                                  stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)  # fmt: skip
-        try:
-            for _ in range(240):
-                assert server.poll() is None, "the server ended"
-                try:
-                    urllib.request.urlopen(f"{address}/_stcore/health", timeout=1).close()
-                    break
-                except OSError:
-                    time.sleep(0.1)
+        verb = ("serve", "--no-runner", "--store", "lab.db", "--port", str(port), "--address", "0.0.0.0")
+        how: dict[str, Any] = {"cwd": tmp_path, "env": {**os.environ, "HOME": str(tmp_path)}}
+        with (
+            (tmp_path / "said.txt").open("w") as file,
+            serving("pdlab.cli", *verb, port=port, stdout=file, stderr=subprocess.STDOUT, **how),
+        ):
             browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
             page = browser.new_page()
             page.set_default_timeout(20_000)
@@ -58,9 +51,7 @@ def test_signing_in_shows_the_page_and_signing_out_hides_it(tmp_path: Path) -> N
             expect(page.get_by_role("button", name="Sign in")).to_be_visible(timeout=20_000)
             assert page.get_by_text("Search by name").count() == 0
             browser.close()
-        finally:
-            server.terminate()
-            said = server.communicate(timeout=30)[0]
+    said = (tmp_path / "said.txt").read_text(encoding="utf-8")
     assert "for who signs in" in said
     assert "Traceback" not in said
     assert trusted.refused == []

@@ -19,7 +19,8 @@ import dask
 import numpy as np
 import psutil
 import pytest
-from clusters import ROOT, Cluster, children, free_port, loaded
+from clusters import ROOT, Cluster, children, loaded
+from servers import free_port
 
 from pdlab import packing
 from pdlab.batch import pools

@@ -1,6 +1,5 @@
 """``pdlab serve``: the page and a runner beside it, started and ended together."""
 
-import socket
 import subprocess
 import sys
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from servers import free_port
 
 from pdlab import experiments
 from pdlab.experiments import Way, register
@@ -19,13 +19,6 @@ from pdlab.lab import SHIPPED
 from pdlab.models import Prediction
 from pdlab.store import Store, open_store
 from pdlab.tables import read_path
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def states(target: Store) -> set[str]:

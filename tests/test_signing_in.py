@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 import streamlit as st
 from oidc import secrets_toml
+from servers import free_port
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
 from test_page import PAGE, lab, plain
-from test_serving import free_port
 
 from pdlab import experiments
 from pdlab.errors import InputError, SignInError

@@ -24,7 +24,8 @@ from playwright.sync_api import sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from test_browser import FLAGS, NAMES, free_port
+from servers import free_port, serving
+from test_browser import FLAGS, NAMES
 
 EMPTY = """
 import numpy as np
@@ -138,24 +139,11 @@ def done(page: Any, step: Step) -> float:
 @contextmanager
 def served(command: list[str], url: str = "") -> Iterator[str]:
     """Serve by a command on a free port."""
-    import urllib.request
-
     port = free_port()
-    server = subprocess.Popen(
-        [sys.executable, "-m", *command, *(["--port", str(port)] if url else [f"--server.port={port}"])],
-        env={**os.environ, "PDLAB_STORE": url}, stdout=subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        for _ in range(240):
-            try:
-                urllib.request.urlopen(f"http://127.0.0.1:{port}/_stcore/health", timeout=1).close()
-                break
-            except OSError:
-                time.sleep(0.25)
+    place = ("--port", str(port)) if url else (f"--server.port={port}",)
+    quiet = {"env": {**os.environ, "PDLAB_STORE": url}, "stdout": subprocess.DEVNULL}
+    with serving(*command, *place, port=port, **quiet):
         yield f"http://127.0.0.1:{port}"
-    finally:
-        server.terminate()
-        server.wait(30)
 
 
 def compared(browsers: list[Any], address: str, empty: str) -> None:

@@ -15,8 +15,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
-import urllib.request
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
@@ -30,8 +28,9 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "tests" / "benchmarks")]
 
 from conftest import FormulaRunner  # noqa: E402
 from oidc import secrets_toml  # noqa: E402
+from servers import free_port, serving  # noqa: E402
 from store_speed import build  # noqa: E402
-from test_browser import FLAGS, NAMES, free_port  # noqa: E402
+from test_browser import FLAGS, NAMES  # noqa: E402
 from test_proportions import MixingRunner  # noqa: E402
 
 from pdlab import Lab, experiments  # noqa: E402
@@ -141,21 +140,11 @@ def served(url: str, closed: bool) -> Iterator[str]:
     if closed:
         (folder / ".streamlit").mkdir()
         (folder / ".streamlit" / "secrets.toml").write_text(secrets_toml("https://id.example", address))
-    command = [sys.executable, "-m", "pdlab.cli", "serve", "--store", url, "--port", str(port), "--no-runner"]
-    server = subprocess.Popen(
-        command, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL
-    )
-    try:
-        for _ in range(240):
-            try:
-                urllib.request.urlopen(f"{address}/_stcore/health", timeout=1).close()
-                break
-            except OSError:
-                time.sleep(0.25)
+    with serving(
+        "pdlab.cli", "serve", "--store", url, "--port", str(port), "--no-runner",
+        port=port, cwd=folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.DEVNULL,
+    ):  # fmt: skip
         yield address
-    finally:
-        server.terminate()
-        server.wait(20)
 
 
 def settle(page: Any) -> None:
