@@ -317,17 +317,13 @@ class Lab:
 
         ``what``: as in ``show``. ``method``: of the mixture's prediction, by default the one last asked for. ``at``:
         the date of the report, with its zone, by default now. Raises UnknownName, and InputError where a name has
-        several meanings or a file is there.
+        several meanings, and for a file that is there or no .html.
         """
-        if path is not None and Path(path).exists():
-            raise InputError(f"{path} is there and would be overwritten; name another file")
+        if path is not None:
+            report.check_new(Path(path))
         text = report.named(self.store, what, method, at)
         if path is not None:
-            try:
-                with Path(path).open("x", encoding="utf-8") as file:
-                    file.write(text)
-            except OSError as error:
-                raise InputError(f"{path} cannot be written ({error.strerror}); choose another file") from error
+            report.write(text, Path(path))
         return text
 
     def verify(self, sample: int | None = None, seed: int = 1) -> list[Verified]:

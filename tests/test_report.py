@@ -493,6 +493,8 @@ def test_the_sentences_of_what_is_refused(tmp_path: Path) -> None:
         lab.import_tables(SHIPPED)
         with pytest.raises(InputError, match=r"no-such/out\.html cannot be written"):
             lab.report("pebbles L", tmp_path / "no-such" / "out.html")
+        with pytest.raises(InputError, match=r"out\.txt does not end in \.html"):
+            lab.report("pebbles L", tmp_path / "out.txt")
         with pytest.raises(UnknownName, match="holds nothing named 'gravel'"):
             lab.report("gravel")
         with pytest.raises(InputError, match="'pebbles L' is an aggregate, whose report holds its last calibration"):

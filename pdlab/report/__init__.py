@@ -2,6 +2,7 @@
 
 import datetime as dt
 import re
+from pathlib import Path
 
 from pdlab import experiments
 from pdlab.errors import InputError
@@ -74,6 +75,23 @@ def file_name(name: str) -> str:
     """Return a file's name for the report of what has a name, of which a file system takes only so much."""
     short = re.sub(r"[^0-9A-Za-z_.+-]+", "-", name).strip("-.")[:LONGEST]
     return f"report-{short or 'unnamed'}.html"
+
+
+def check_new(path: Path) -> None:
+    """Raise InputError where a report would be written over a file, or into one that no browser opens as a page."""
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{path} does not end in .html, as which a browser opens a report; name the file so")
+    if path.exists():
+        raise InputError(f"{path} is there and would be overwritten; name another file")
+
+
+def write(text: str, path: Path) -> None:
+    """Write a report into a new file. Raises InputError."""
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}); choose another file") from error
 
 
 def _dated(at: dt.datetime | None) -> str:
