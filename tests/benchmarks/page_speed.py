@@ -2,7 +2,7 @@
 
 ``python tests/benchmarks/page_speed.py [FILE]``: builds a store of 100 000 runs, 10 000 mixtures and two sweeps in FILE
 (in a temporary folder by default), or takes the one that is there. Each time is the least of five, in ms of the
-processor.
+processor: of views that are drawn again, and again after something was written into the store.
 """
 
 import os
@@ -47,32 +47,38 @@ def filled(path: Path) -> Store:
     return target
 
 
-def spent(address: str, query: dict[str, str]) -> float:
-    """Return the least time [ms] that a view takes to be drawn again."""
+def spent(address: str, query: dict[str, str], target: Store) -> tuple[float, float]:
+    """Return the least times [ms] that a view takes to be drawn again: as it was, and after a write."""
     view = AppTest.from_file(app.__file__, default_timeout=60)
     view._page_hash = calc_hash(address)
     for name, text in query.items():
         view.query_params[name] = text
     view.run()
     assert not view.exception
-    times = []
-    for _ in range(5):
-        begin = time.process_time()
-        view.run()
-        times.append(time.process_time() - begin)
-    return 1e3 * min(times)
+    times = list[list[float]]()
+    for writes in (False, True):
+        times.append([])
+        for _ in range(5):
+            if writes:
+                experiments.delete_draft(target, experiments.save_draft(target, "aggregate", {}))
+            begin = time.process_time()
+            view.run()
+            times[-1].append(1e3 * (time.process_time() - begin))
+            assert not view.exception
+    return min(times[0]), min(times[1])
 
 
 def main(path: Path) -> None:
     """Build the store where there is none, and print the table."""
     target = filled(path)
-    target.close()
     os.environ["PDLAB_STORE"] = target.url
     assert VIEWS.keys() == app.VIEWS.keys()
     for address, queries in VIEWS.items():
         for query in queries:
             text = "&".join(f"{name}={value}" for name, value in query.items())
-            print(f"{spent(address, query):8.1f}  /{address}{'?' * bool(text)}{text}", flush=True)
+            still, anew = spent(address, query, target)
+            print(f"{still:8.1f} {anew:8.1f}  /{address}{'?' * bool(text)}{text}", flush=True)
+    target.close()
 
 
 if __name__ == "__main__":
