@@ -16,17 +16,15 @@ from pdlab.models import Aggregate, Mixture, Prediction
 from pdlab.store import Store
 
 
-def comparisons(
-    target: Store, engine_version: int | None = None, names: Sequence[str] = (), newest: int | None = None
-) -> list[PredictionReport]:
+def comparisons(target: Store, engine_version: int | None = None, names: Sequence[str] = ()) -> list[PredictionReport]:
     """Return each mixture's last prediction by each method beside its current measurement, oldest mixture first.
 
-    All mixtures, the named, or so many of the ``newest``; variants are left out. A mixture without a prediction
+    All mixtures or the named; variants are left out. A mixture without a prediction
     has the state ``open``; ``outdated`` is a prediction of other proportions, tests or sieves than the store's, or
     of an older engine than ``engine_version``, by default the newest there. Raises UnknownName.
     """
     with target.read() as session:
-        rows = store.mixtures(session, names, newest)
+        rows = store.mixtures(session, names)
         newest_engine = engine_version or store.newest_engine(session)
         found = store.newest_predictions(session, [row.id for row in rows])
         spread = store.differences(session)

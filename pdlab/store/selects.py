@@ -133,13 +133,8 @@ def all_deliveries(session: Session) -> list[Aggregate]:
     return list(session.scalars(sa.select(Aggregate).options(*_WITH_TESTS).order_by(Aggregate.id)))
 
 
-def mixtures(session: Session, names: Sequence[str] = (), newest: int | None = None) -> list[Mixture]:
-    """Return mixtures with their components, the oldest first: all, the named, or so many of the ``newest``.
-
-    Raises UnknownName.
-    """
-    if newest is not None:
-        return list(session.scalars(_MIXTURES.order_by(Mixture.id.desc()).limit(newest)))[::-1]
+def mixtures(session: Session, names: Sequence[str] = ()) -> list[Mixture]:
+    """Return mixtures with their components, the oldest first, all or the named. Raises UnknownName."""
     return _named(session, Mixture, names, _MIXTURES.order_by(Mixture.id))
 
 

@@ -235,7 +235,7 @@ def report(target: Store) -> Iterator[str]:
         digests = [row[0] for row in store.list_rows(session, "runs", ["specimen_hash"], limit=5000)]
     yield f"{spent(lambda: _done(target, digests)):8.1f}  done_runs of {len(digests)} digests"
     yield f"{spent(lambda: experiments.comparisons(target, names=['mix 00077'])):8.1f}  comparison of one mixture"
-    yield f"{spent(lambda: experiments.comparisons(target, newest=200)):8.1f}  the page: the newest 200 comparisons"
+    yield f"{spent(lambda: experiments.parity(target, most=200)):8.1f}  the page: predicted against measured"
     yield f"{spent(lambda: experiments.summaries(target)):8.1f}  the page: all aggregates"
     yield f"{spent(lambda: experiments.listed(target, 'predictions', [], [], '', None, ENGINE)):8.1f}  all predictions"
     yield f"{spent(lambda: experiments.listed(target, 'runs', [], [], '', None, ENGINE)):8.1f}  all runs"
