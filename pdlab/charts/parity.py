@@ -1,6 +1,8 @@
 """Parity: predicted over measured packing density."""
 
+import itertools
 from collections.abc import Collection, Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -10,6 +12,8 @@ from pdlab.charts.style import BAND, GRID, INK, LINES, shown, styled
 from pdlab.experiments import Density, Points
 from pdlab.quantities import heading, label
 
+Drawn = dict[str, Any]
+"""A series or a shape of a figure, as plotly reads it."""
 HEIGHT, SIDE = 600, 450
 """Of the figure and of the square within its axes [px]."""
 LINE, BESIDE = 19, 3
@@ -36,23 +40,30 @@ def parity(
     predictions lie there. What a click on one tells (``customdata``): a prediction's id, or a cell's column, row and
     times.
     """
-    figure, ends = go.Figure(), _ends(points, density)
-    _add_bands(figure, *ends)
+    ends = _ends(points, density)
+    series, bars = _bands(*ends), list[Drawn]()
     if density is not None:
         side = max(3.0, SIDE * density.width / (ends[1] - ends[0]))
-        _add_outdated_cells(figure, density, side)
-        _add_cells(figure, density, side)
-        _add_edges(figure, *ends)
+        series += [*_outdated_cells(density, side), *_cells(density, side), *_edges(*ends)]
     known = (*methods, *(name for name in dict.fromkeys(points.method) if name not in methods))
-    for k, method in enumerate(known):
-        own = np.array([name == method for name in points.method], dtype=bool)
-        for current in (True, False):
-            _add_points(figure, points, own & (points.current == current), k, picked)
+    place = {name: k for k, name in enumerate(known)}
+    number = np.array([place[name] for name in points.method], dtype=np.int64)
+    crowded = len(points.ids) >= CROWDED
+    for k, current in itertools.product(range(len(known)), (True, False)):
+        at = np.flatnonzero((number == k) & (points.current == current))
+        if at.size:
+            is_named = current or not (points.current & (number == k)).any()
+            series.append(_markers(points, at, k, picked, is_named))
+            if crowded:
+                bars.append(_bars(points, at, LINES[k % len(LINES)]))
     apart = next((step for step in TICKS if ends[1] - ends[0] <= 9.0 * step), TICKS[-1])
     axis = {"range": ends, "dtick": apart, "showgrid": True, "gridcolor": GRID, "constrain": "domain"}
-    figure.update_xaxes(title=label("measured"), **axis)
-    figure.update_yaxes(title=label("predicted"), scaleanchor="x", **axis)
-    named = sum(series.showlegend is not False for series in figure.data)
+    layout = {
+        "xaxis": {"title": {"text": label("measured")}, **axis},
+        "yaxis": {"title": {"text": label("predicted")}, "scaleanchor": "x", **axis}, "shapes": bars,
+    }  # fmt: skip
+    named = sum(one.get("showlegend", True) for one in series)
+    figure = go.Figure(series, layout)  # all at once: one by one each is checked and copied several times
     styled(figure, HEIGHT + LINE * (max(named - 1, 0) // BESIDE))
     return figure.update_layout(showlegend=True, legend={"orientation": "h", "y": -0.14}, margin_t=40)
 
@@ -68,51 +79,50 @@ def _ends(points: Points, density: Density | None) -> tuple[float, float]:
     return (float(together.min()) - MARGIN, float(together.max()) + MARGIN) if together.size else EMPTY
 
 
-def _add_bands(figure: go.Figure, low: float, high: float) -> None:
-    """Draw the line of equal values and the bands around it."""
-    for band in (0.02, 0.01):
-        figure.add_scatter(
-            x=[low, high, high, low], y=[low + band, high + band, high - band, low - band], mode="lines",
-            fill="toself", fillcolor=BAND, line={"width": 0}, hoverinfo="skip", showlegend=False,
-        )  # fmt: skip
-    figure.add_scatter(
-        x=[low, high], y=[low, high], mode="lines", line={"color": INK, "width": 1}, hoverinfo="skip", showlegend=False
-    )
+def _bands(low: float, high: float) -> list[Drawn]:
+    """Return the bands around the line of equal values, and the line."""
+    bands = [
+        _line([low, high, high, low], [low + band, high + band, high - band, low - band], width=0)
+        | {"fill": "toself", "fillcolor": BAND}
+        for band in (0.02, 0.01)
+    ]
+    return [*bands, _line([low, high], [low, high], color=INK, width=1)]
 
 
-def _add_edges(figure: go.Figure, low: float, high: float) -> None:
-    """Draw the line and the edges of the bands, over cells that hide them."""
-    for off, dash in ((0.0, "solid"), (0.01, "dash"), (-0.01, "dash"), (0.02, "dot"), (-0.02, "dot")):
-        figure.add_scatter(
-            x=[low, high], y=[low + off, high + off], mode="lines", line={"color": OVER, "width": 1, "dash": dash},
-            hoverinfo="skip", showlegend=False,
-        )  # fmt: skip
+def _edges(low: float, high: float) -> list[Drawn]:
+    """Return the line and the edges of the bands, over cells that hide them."""
+    dashes = {0.0: "solid", 0.01: "dash", -0.01: "dash", 0.02: "dot", -0.02: "dot"}
+    return [_line([low, high], [low + off, high + off], color=OVER, width=1, dash=dash) for off, dash in dashes.items()]
 
 
-def _add_points(figure: go.Figure, points: Points, which: NDArray[np.bool_], k: int, picked: Collection[int]) -> None:
-    """Draw some predictions by the k-th method, all of them current or all outdated."""
-    at = np.flatnonzero(which)
-    if not at.size:
-        return
-    current, ids = bool(points.current[at[0]]), points.ids[at].tolist()
-    colour, crowded = LINES[k % len(LINES)], len(points.ids) >= CROWDED
-    method, symbol = points.method[at[0]], SYMBOLS[k % len(SYMBOLS)] + ("" if current else "-open")
-    bars = {"type": "data", "thickness": 1.2, "width": 3, "color": colour}
-    if crowded:
-        figure.add_shape(_bars(points, at, colour))
-    figure.add_scatter(
-        x=points.measured[at], y=points.predicted[at], mode="markers", name=shown(method) + _said(current),
-        legendgroup=method, showlegend=current or not (points.current & (np.array(points.method) == method)).any(),
-        error_x=None if crowded else bars | {"array": points.measured_error[at]},
-        error_y=None if crowded else bars | {"array": points.expected_error[at]},
-        marker={"size": 7 if crowded else 10, "color": colour, "symbol": symbol, "opacity": 1.0 if current else 0.6},
-        selectedpoints=[place for place, one in enumerate(ids) if one in picked] if picked else None,
-        unselected={"marker": {"opacity": 0.15}}, customdata=[[one] for one in ids],
-        text=[_told(points, int(place)) for place in at], hovertemplate="%{text}<extra></extra>",
-    )  # fmt: skip
+def _line(x: list[float], y: list[float], **line: Any) -> Drawn:
+    return {"type": "scatter", "x": x, "y": y, "mode": "lines", "line": line, "hoverinfo": "skip", "showlegend": False}
 
 
-def _bars(points: Points, at: NDArray[np.int64], colour: str) -> dict[str, object]:
+def _markers(points: Points, at: NDArray[np.int64], k: int, picked: Collection[int], is_named: bool) -> Drawn:
+    """Return some predictions by the k-th method, all of them current or all outdated."""
+    current, ids, crowded = bool(points.current[at[0]]), points.ids[at].tolist(), len(points.ids) >= CROWDED
+    colour, method = LINES[k % len(LINES)], points.method[at[0]]
+    symbol = SYMBOLS[k % len(SYMBOLS)] + ("" if current else "-open")
+    bar = {"type": "data", "thickness": 1.2, "width": 3, "color": colour}
+    bars = {
+        "error_x": bar | {"array": points.measured_error[at]},
+        "error_y": bar | {"array": points.expected_error[at]},
+    }
+    return {
+        "type": "scatter", "x": points.measured[at], "y": points.predicted[at], "mode": "markers",
+        "name": shown(method) + _said(current), "legendgroup": method, "showlegend": is_named,
+        "marker": {
+            "size": 7 if crowded else 10, "color": colour, "symbol": symbol, "opacity": 1.0 if current else 0.6
+        },
+        "selectedpoints": [place for place, one in enumerate(ids) if one in picked] if picked else None,
+        "unselected": {"marker": {"opacity": 0.15}}, "customdata": [[one] for one in ids],
+        "text": [_told(points, int(place)) for place in at], "hovertemplate": "%{text}<extra></extra>",
+        **({} if crowded else bars),
+    }  # fmt: skip
+
+
+def _bars(points: Points, at: NDArray[np.int64], colour: str) -> Drawn:
     """Return the error bars of many points as one shape, which a browser draws at once."""
     x, y = points.measured[at], points.predicted[at]
     wide, high = np.nan_to_num(points.measured_error[at]), np.nan_to_num(points.expected_error[at])
@@ -136,8 +146,8 @@ def _said(current: bool) -> str:
     return "" if current else ", outdated"
 
 
-def _add_cells(figure: go.Figure, density: Density, side: float) -> None:
-    """Draw the cells with predictions that are current, coloured by the logarithm of how many."""
+def _cells(density: Density, side: float) -> list[Drawn]:
+    """Return the cells with predictions that are current, coloured by the logarithm of how many."""
     at = np.flatnonzero(density.current)
     counts = density.current[at]
     ticks = [value for power in range(6) for value in (10**power, 3 * 10**power) if value <= max(counts, default=1)]
@@ -146,31 +156,29 @@ def _add_cells(figure: go.Figure, density: Density, side: float) -> None:
         "ticktext": [f"{one}" for one in ticks], "thickness": 12, "len": 0.6,
     }  # fmt: skip
     marker = {"symbol": "square", "size": side, "color": np.log10(counts), "colorscale": FEW_TO_MANY, "colorbar": bar}
-    _add_squares(figure, density, at, counts, "predictions, by their number", marker)
+    return _squares(density, at, counts, "predictions, by their number", marker)
 
 
-def _add_outdated_cells(figure: go.Figure, density: Density, side: float) -> None:
-    """Draw the cells of which all predictions are outdated."""
+def _outdated_cells(density: Density, side: float) -> list[Drawn]:
+    """Return the cells of which all predictions are outdated."""
     at = np.flatnonzero(density.current == 0)
     marker = {"symbol": "square-open", "size": 0.8 * side, "color": INK}
-    _add_squares(figure, density, at, density.outdated[at], "outdated ones only", marker)
+    return _squares(density, at, density.outdated[at], "outdated ones only", marker)
 
 
-def _add_squares(
-    figure: go.Figure,
-    density: Density,
-    at: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    name: str,
-    marker: dict[str, object],
-) -> None:
+def _squares(
+    density: Density, at: NDArray[np.int64], counts: NDArray[np.int64], name: str, marker: Drawn
+) -> list[Drawn]:
+    """Return squares at some cells, none where there are none."""
     if not at.size:
-        return
+        return []
     column, row = density.column[at], density.row[at]
-    figure.add_scatter(
-        x=density.width * (column + 0.5), y=density.width * (row + 0.5), mode="markers", name=name, marker=marker,
-        customdata=[[*cell, density.times] for cell in zip(column.tolist(), row.tolist(), strict=True)],
-        text=[f"{count} prediction{'' if count == 1 else 's'}" for count in counts],
-        hovertemplate=f"%{{text}}<br>{heading('measured')} %{{x:.4f}}, {heading('predicted')} %{{y:.4f}} "
+    cells = {
+        "type": "scatter", "x": density.width * (column + 0.5), "y": density.width * (row + 0.5), "mode": "markers",
+        "name": name, "marker": marker,
+        "customdata": [[*cell, density.times] for cell in zip(column.tolist(), row.tolist(), strict=True)],
+        "text": [f"{count} prediction{'' if count == 1 else 's'}" for count in counts],
+        "hovertemplate": f"%{{text}}<br>{heading('measured')} %{{x:.4f}}, {heading('predicted')} %{{y:.4f}} "
         f"± {density.width / 2.0:g}<extra></extra>",
-    )  # fmt: skip
+    }  # fmt: skip
+    return [cells]

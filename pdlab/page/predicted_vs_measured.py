@@ -1,10 +1,11 @@
 """Predicted against measured: how far predictions are off, and each mixture's beside its measurement."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import pandas as pd
+import plotly.graph_objects as go
 import streamlit as st
 
 from pdlab import charts, experiments
@@ -33,7 +34,7 @@ def show(target: Store) -> None:
         return
     asked = filters.ask(target)
     picked = picking.current(asked)
-    found = _parity(target, asked, picked.ids, picked.cells)
+    found, figure = _parity(target, asked, picked.ids, picked.cells)
     mixture = picking.opened()
     if picked.clicked and len(found.listed) == 1:
         mixture = found.listed[0][LISTED.index("mixture_id")]
@@ -46,7 +47,7 @@ def show(target: Store) -> None:
         return
     with st.container(horizontal=True):
         with st.container(width=CHART):
-            _chart(target, asked, found, picked.ids)
+            _chart(asked, found, figure)
         with st.container(width=BESIDE):
             _believe(asked, found)
             _say(found)
@@ -54,27 +55,31 @@ def show(target: Store) -> None:
     _list(target, asked, found)
 
 
-def _parity(target: Store, asked: Filters, ids: Sequence[int], cells: Sequence[Cell]) -> Parity:
-    """Return what is shown, for all who look at the same until something is written into the store."""
+def _parity(target: Store, asked: Filters, ids: Sequence[int], cells: Sequence[Cell]) -> tuple[Parity, go.Figure]:
+    """Return what is shown and its chart, for all who look at the same until something is written into the store."""
     state = target.state()
     if state is None:
-        return experiments.parity(target, asked, ids, cells, ROWS)
+        return _drawn(target, asked, ids, cells)
     return _remembered(target.url, state, asked, tuple(ids), tuple(cells), target)
 
 
 @st.cache_resource(max_entries=32, show_spinner=False)
 def _remembered(
     url: str, state: str, asked: Filters, ids: tuple[int, ...], cells: tuple[Cell, ...], _target: Store
-) -> Parity:
-    return experiments.parity(_target, asked, ids, cells, ROWS)
+) -> tuple[Parity, go.Figure]:
+    return _drawn(_target, asked, ids, cells)
 
 
-def _chart(target: Store, asked: Filters, found: Parity, picked: Collection[int]) -> None:
+def _drawn(target: Store, asked: Filters, ids: Sequence[int], cells: Sequence[Cell]) -> tuple[Parity, go.Figure]:
+    found = experiments.parity(target, asked, ids, cells, ROWS)
+    return found, charts.parity(found.points, found.density, experiments.methods_used(target), ids)
+
+
+def _chart(asked: Filters, found: Parity, figure: go.Figure) -> None:
     """Draw the chart, or say why there is none."""
     if not found.shown:
         st.info("None of these mixtures is both measured and predicted in the way that is asked for.")
         return
-    figure = charts.parity(found.points, found.density, experiments.methods_used(target), picked)
     tools = {"displayModeBar": True, "modeBarButtonsToRemove": ["toImage", "zoomIn2d", "zoomOut2d", "autoScale2d"]}
     st.plotly_chart(figure, key=picking.key(), on_select=partial(picking.note, asked), config=tools)
     text = "Bands: ±0.01 and ±0.02. Bars: expected error of the prediction, standard error of the measurement. "
