@@ -18,17 +18,17 @@ def free_port() -> int:
 
 
 @contextmanager
-def serving(module: str, *arguments: str, port: int, **how: Any) -> Iterator["subprocess.Popen[Any]"]:
+def serving(module: str, *arguments: str, port: int, below: str = "", **how: Any) -> Iterator["subprocess.Popen[Any]"]:
     """Run a module that serves a Streamlit page on ``port`` until the block ends, which begins once it answers.
 
-    ``how``: of the process, as ``subprocess.Popen`` takes it.
+    ``below``: the path that its addresses begin with. ``how``: of the process, as ``subprocess.Popen`` takes it.
     """
     server = subprocess.Popen([sys.executable, "-m", module, *arguments], **how)
     try:
         for _ in range(600):
             assert server.poll() is None, "the server ended"
             try:
-                urllib.request.urlopen(f"http://127.0.0.1:{port}/_stcore/health", timeout=1).close()
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/{below}_stcore/health", timeout=1).close()
                 break
             except OSError:
                 time.sleep(0.1)

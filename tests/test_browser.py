@@ -124,6 +124,24 @@ def test_the_entrance_leads_home_by_its_own_address(page: Any) -> None:
     assert page.get_by_text("Page not found").count() == 0
 
 
+def test_a_view_finds_its_server_at_once_below_a_path_of_a_proxy_too(tmp_path: Path) -> None:
+    from playwright.sync_api import sync_playwright
+
+    port, store = free_port(), str(tmp_path / "lab.db")
+    how: dict[str, Any] = {"cwd": tmp_path, "env": {**os.environ, "STREAMLIT_SERVER_BASE_URL_PATH": "lab"}}
+    verb = ("serve", "--no-runner", "--store", store, "--port", str(port))
+    with serving("pdlab.cli", *verb, port=port, below="lab/", **how), sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        page = browser.new_page()
+        asked = list[str]()
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(f"http://127.0.0.1:{port}/lab/aggregates")
+        page.get_by_role("heading", name="Aggregates").wait_for(timeout=20_000)
+        browser.close()
+    assert [url for url in asked if url.endswith("_stcore/health")] == [f"http://127.0.0.1:{port}/lab/_stcore/health"]
+    assert any("PlotlyChart" in url for url in asked)
+
+
 def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:
     from playwright.sync_api import expect
 

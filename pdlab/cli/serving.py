@@ -100,7 +100,7 @@ def _pages(address: str, port: int) -> list[str]:
     """Return Python's arguments that serve the page."""
     import importlib.util
 
-    spec = importlib.util.find_spec("pdlab.page.app")
+    spec = importlib.util.find_spec("pdlab.page.served")
     assert spec is not None
     assert spec.origin is not None
     flags = {
