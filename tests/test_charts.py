@@ -1,11 +1,14 @@
 """Figures hold what they were given."""
 
+import base64
 import re
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from pdlab import charts
+from pdlab.charts.parity import CROWDED
 from pdlab.experiments import Density, DrawnBed, Points
 from pdlab.grading import ASTM_C33_FINE, SieveRow, SieveTable, combined, make_grading
 
@@ -75,20 +78,30 @@ def test_what_is_picked_in_a_parity_chart_stands_out() -> None:
     assert list(charts.parity(three, picked=(8, 40)).data[-1].selectedpoints) == [1]
 
 
-def test_the_bars_of_many_points_are_one_shape() -> None:
-    many = points(("A",) * 60, (True,) * 60)
-    figure = charts.parity(many)
-    assert (figure.data[-1].error_x.array, figure.data[-1].error_y.array) == (None, None)
-    (bars,) = figure.layout.shapes
-    numbers = np.array([float(text) for text in re.findall(r"[-\d.]+", bars.path)]).reshape(60, 2, 2, 2)
-    across, upright = numbers[:, 0], numbers[:, 1]
-    for ends, own, middle, error, beside in (
-        (across, 0, many.measured, many.measured_error, many.predicted),
-        (upright, 1, many.predicted, many.expected_error, many.measured),
-    ):
-        off = np.nan_to_num(error)
-        assert ends[:, :, own] == pytest.approx(np.stack([middle - off, middle + off], axis=1), abs=1e-5)
-        assert ends[:, :, 1 - own] == pytest.approx(np.stack([beside, beside], axis=1), abs=1e-5)
+def test_many_points_are_one_picture_of_dots_and_bars_where_the_axes_say() -> None:
+    count = CROWDED
+    many = points(("A",) * count, (True,) * (count - 10) + (False,) * 10)
+    assert charts.parity(points(("A",) * (count - 1), (True,) * (count - 1))).layout.images == ()
+    figure = charts.parity(many, picked=(8, 40))
+    (picture,) = figure.layout.images
+    ends = np.array(figure.layout.xaxis.range)
+    assert (picture.x, picture.y) == tuple(ends)
+    assert (picture.sizex, picture.sizey) == (pytest.approx(np.diff(ends)[0]),) * 2
+    svg = ElementTree.fromstring(base64.b64decode(picture.source.split(",", 1)[1]))
+    side = float(svg.attrib["viewBox"].split()[2])
+    found = dict[str, list[str]]()
+    for path in svg.iterfind("{*}path"):
+        found.setdefault(path.attrib["stroke-width"], []).append(path.attrib["d"])
+    assert [len(re.findall("h0", path)) for path in found["7"]] == [count - 12, 2]  # pale ones first, picked on top
+    assert [len(re.findall("h0", path)) for path in found["4"]] == [10, 0]
+    numbers = [[float(text) for text in re.findall(r"[-\d.]+", "".join(paths))] for paths in found.values()]
+    crosses = np.array(numbers[0]).reshape(-1, 6) / side * np.diff(ends)
+    middles = np.stack([crosses[:, 0] + crosses[:, 2] / 2.0, np.diff(ends) - crosses[:, 1]], axis=1) + ends[0]
+    where = np.argsort(-middles[:, 1])
+    assert middles[where] == pytest.approx(np.stack([many.measured, many.predicted], axis=1), abs=1e-4)
+    for lengths, errors in ((crosses[:, 2], many.measured_error), (crosses[:, 5], many.expected_error)):
+        assert lengths[where] == pytest.approx(2.0 * np.nan_to_num(errors), abs=1e-4)
+    assert all(series.marker.maxdisplayed == 1 and series.error_x.array is None for series in figure.data[3:])
 
 
 def test_a_density_has_a_square_for_each_cell_coloured_by_the_logarithm_of_its_number() -> None:

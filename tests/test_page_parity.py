@@ -249,7 +249,7 @@ def test_outdated_predictions_are_hollow_and_said_to_be_left_out(predicted: Stor
     assert [(series["name"], series["marker"]["symbol"]) for series in drawn(app)] == [
         ("graded", "circle"), ("graded, outdated", "circle-open"),
     ]  # fmt: skip
-    assert any("2 outdated (hollow, left out of the figures)" in text.value for text in app.markdown)
+    assert any("2 outdated (hollow or small, left out of the figures)" in text.value for text in app.markdown)
     assert list(frame_of(app, "mixtures compared")["mixtures compared"]) == ["1 of 3 measured"] * 2
 
 

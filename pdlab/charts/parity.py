@@ -1,5 +1,6 @@
 """Parity: predicted over measured packing density."""
 
+import base64
 import itertools
 from collections.abc import Collection, Sequence
 from typing import Any
@@ -13,21 +14,29 @@ from pdlab.experiments import Density, Points
 from pdlab.quantities import heading, label
 
 Drawn = dict[str, Any]
-"""A series or a shape of a figure, as plotly reads it."""
+"""A series or a picture of a figure, as plotly reads it."""
+Group = tuple[int, bool, NDArray[np.int64]]
+"""The place of a method, whether its predictions are current, where they are."""
 HEIGHT, SIDE = 600, 450
 """Of the figure and of the square within its axes [px]."""
 LINE, BESIDE = 19, 3
 """Height of the legend's lines [px], and names in each."""
 MARGIN, EMPTY = 0.01, (0.5, 0.75)
 """Packing density [-] beside the outermost points; the ends of the axes without any."""
-TICKS = (0.01, 0.02, 0.05, 0.1)
-"""Steps of both axes [-]."""
+TICKS = 9
+"""Marks on either axis at most; as many on both, which have the same steps then."""
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "star", "hexagon", "triangle-down")
 FEW_TO_MANY = ((0.0, "#8fc1d4"), (0.5, "#2f7f9e"), (1.0, "#d1495b"))
 OVER = "#f2c14e"
 """Of the edges of the bands on cells of all colours."""
-CROWDED = 60
-"""Points from which on they and their bars are thin."""
+CROWDED = 100
+"""Points from which on they are one picture."""
+DOT, SMALL, BAR = 7, 4, 0.6
+"""Width of dots, of those of outdated predictions and of bars in the picture [px]."""
+PALE = 0.15
+"""Opacity of what is not picked, where something is."""
+SCALE = 1000
+"""Of the picture: its own units along either axis."""
 
 
 def parity(
@@ -35,37 +44,49 @@ def parity(
 ) -> go.Figure:
     """Return predicted over measured packing density with both errors, the line, ±0.01 and ±0.02 bands.
 
-    Points in the colour and symbol that their place among ``methods`` gives; hollow where the prediction is outdated;
-    all but those ``picked`` by their ids are pale. With a ``density`` squares behind them, coloured by how many
-    predictions lie there. What a click on one tells (``customdata``): a prediction's id, or a cell's column, row and
-    times.
+    Points in the colour and symbol that their place among ``methods`` gives, hollow where the prediction is outdated;
+    CROWDED or more are dots, small where it is outdated. All but those ``picked`` by their ids are pale. With a
+    ``density`` squares behind them, coloured by how many predictions lie there. What a click on one tells
+    (``customdata``): a prediction's id, or a cell's column, row and times.
     """
     ends = _ends(points, density)
-    series, bars = _bands(*ends), list[Drawn]()
+    series = _bands(*ends)
     if density is not None:
         side = max(3.0, SIDE * density.width / (ends[1] - ends[0]))
         series += [*_outdated_cells(density, side), *_cells(density, side), *_edges(*ends)]
     known = (*methods, *(name for name in dict.fromkeys(points.method) if name not in methods))
-    place = {name: k for k, name in enumerate(known)}
-    number = np.array([place[name] for name in points.method], dtype=np.int64)
-    crowded = len(points.ids) >= CROWDED
-    for k, current in itertools.product(range(len(known)), (True, False)):
-        at = np.flatnonzero((number == k) & (points.current == current))
-        if at.size:
-            is_named = current or not (points.current & (number == k)).any()
-            series.append(_markers(points, at, k, picked, is_named))
-            if crowded:
-                bars.append(_bars(points, at, LINES[k % len(LINES)]))
-    apart = next((step for step in TICKS if ends[1] - ends[0] <= 9.0 * step), TICKS[-1])
-    axis = {"range": ends, "dtick": apart, "showgrid": True, "gridcolor": GRID, "constrain": "domain"}
-    layout = {
+    groups = _groups(points, known)
+    predicted_now = {k for k, current, _ in groups if current}
+    series += [_markers(points, at, k, picked, current or k not in predicted_now) for k, current, at in groups]
+    axis = {"range": ends, "nticks": TICKS, "showgrid": True, "gridcolor": GRID, "constrain": "domain"}
+    legend: Drawn = {"orientation": "h", "y": -0.14}
+    layout: Drawn = {
         "xaxis": {"title": {"text": label("measured")}, **axis},
-        "yaxis": {"title": {"text": label("predicted")}, "scaleanchor": "x", **axis}, "shapes": bars,
+        "yaxis": {"title": {"text": label("predicted")}, "scaleanchor": "x", **axis},
     }  # fmt: skip
+    if _is_crowded(points):
+        layout["images"] = [_picture(points, groups, ends, picked)]
+        legend |= {"itemclick": False, "itemdoubleclick": False}  # the picture would stay
     named = sum(one.get("showlegend", True) for one in series)
     figure = go.Figure(series, layout)  # all at once: one by one each is checked and copied several times
     styled(figure, HEIGHT + LINE * (max(named - 1, 0) // BESIDE))
-    return figure.update_layout(showlegend=True, legend={"orientation": "h", "y": -0.14}, margin_t=40)
+    return figure.update_layout(showlegend=True, legend=legend, margin_t=40)
+
+
+def _groups(points: Points, methods: Sequence[str]) -> list[Group]:
+    """Return where the points of each method are, the current ones and the outdated ones."""
+    place = {name: k for k, name in enumerate(methods)}
+    number = np.array([place[name] for name in points.method], dtype=np.int64)
+    found = [
+        (k, current, np.flatnonzero((number == k) & (points.current == current)))
+        for k in range(len(methods))
+        for current in (True, False)
+    ]
+    return [group for group in found if group[2].size]
+
+
+def _is_crowded(points: Points) -> bool:
+    return len(points.ids) >= CROWDED
 
 
 def _ends(points: Points, density: Density | None) -> tuple[float, float]:
@@ -100,8 +121,11 @@ def _line(x: list[float], y: list[float], **line: Any) -> Drawn:
 
 
 def _markers(points: Points, at: NDArray[np.int64], k: int, picked: Collection[int], is_named: bool) -> Drawn:
-    """Return some predictions by the k-th method, all of them current or all outdated."""
-    current, ids, crowded = bool(points.current[at[0]]), points.ids[at].tolist(), len(points.ids) >= CROWDED
+    """Return some predictions by the k-th method, all of them current or all outdated.
+
+    Where they are crowded it is for the mouse and the legend: all but one of the marks are left to the picture.
+    """
+    current, ids, crowded = bool(points.current[at[0]]), points.ids[at].tolist(), _is_crowded(points)
     colour, method = LINES[k % len(LINES)], points.method[at[0]]
     symbol = SYMBOLS[k % len(SYMBOLS)] + ("" if current else "-open")
     bar = {"type": "data", "thickness": 1.2, "width": 3, "color": colour}
@@ -109,26 +133,62 @@ def _markers(points: Points, at: NDArray[np.int64], k: int, picked: Collection[i
         "error_x": bar | {"array": points.measured_error[at]},
         "error_y": bar | {"array": points.expected_error[at]},
     }
+    one_by_one = {"size": 10, "color": colour, "symbol": symbol, "opacity": 1.0 if current else 0.6}
+    in_a_crowd = {"size": DOT if current else SMALL, "color": colour, "maxdisplayed": 1}
     return {
         "type": "scatter", "x": points.measured[at], "y": points.predicted[at], "mode": "markers",
         "name": shown(method) + _said(current), "legendgroup": method, "showlegend": is_named,
-        "marker": {
-            "size": 7 if crowded else 10, "color": colour, "symbol": symbol, "opacity": 1.0 if current else 0.6
-        },
+        "marker": in_a_crowd if crowded else one_by_one,
         "selectedpoints": [place for place, one in enumerate(ids) if one in picked] if picked else None,
-        "unselected": {"marker": {"opacity": 0.15}}, "customdata": [[one] for one in ids],
+        "unselected": {"marker": {"opacity": PALE}}, "customdata": [[one] for one in ids],
         "text": [_told(points, int(place)) for place in at], "hovertemplate": "%{text}<extra></extra>",
         **({} if crowded else bars),
     }  # fmt: skip
 
 
-def _bars(points: Points, at: NDArray[np.int64], colour: str) -> Drawn:
-    """Return the error bars of many points as one shape, which a browser draws at once."""
-    x, y = points.measured[at], points.predicted[at]
-    wide, high = np.nan_to_num(points.measured_error[at]), np.nan_to_num(points.expected_error[at])
-    ends = np.stack([x - wide, y, x + wide, y, x, y - high, x, y + high], axis=1)
-    path = "".join("M{:.5f},{:.5f}L{:.5f},{:.5f}M{:.5f},{:.5f}L{:.5f},{:.5f}".format(*row) for row in ends.tolist())
-    return {"type": "path", "path": path, "line": {"width": 0.6, "color": colour}, "layer": "between"}
+def _picture(points: Points, groups: Sequence[Group], ends: tuple[float, float], picked: Collection[int]) -> Drawn:
+    """Return points with their bars as one picture between the axes' ends: a browser is slow with many marks.
+
+    Strokes are as wide however far it is drawn out, so that near points come apart as in a chart of marks.
+    """
+    is_picked = np.isin(points.ids, list(picked)) if picked else np.ones(len(points.ids), dtype=bool)
+    bars, dots = list[str](), list[str]()
+    for seen, (k, current, at) in itertools.product((False, True), groups):
+        some = at[is_picked[at] == seen]
+        for paths, width, path in (
+            (bars, BAR, _crosses(points, some, ends)), (dots, DOT if current else SMALL, _places(points, some, ends))
+        ):  # fmt: skip
+            opacity = (1.0 if paths is dots else 0.5) * (1.0 if seen else PALE)
+            paths.append(
+                f'<path stroke="{LINES[k % len(LINES)]}" stroke-width="{width}" opacity="{opacity:g}" d="{path}"/>'
+            )
+    style = "<style>path{fill:none;stroke-linecap:round;vector-effect:non-scaling-stroke}</style>"
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {SCALE} {SCALE}" preserveAspectRatio="none">'
+    text = "".join([head, style, *bars, *dots, "</svg>"])
+    return {
+        "source": f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode()}", "layer": "above",
+        "xref": "x", "yref": "y", "x": ends[0], "y": ends[1], "sizex": ends[1] - ends[0], "sizey": ends[1] - ends[0],
+        "sizing": "stretch",
+    }  # fmt: skip
+
+
+def _places(points: Points, at: NDArray[np.int64], ends: tuple[float, float]) -> str:
+    """Return a path of dots in the picture."""
+    return "".join(f"M{x:.1f} {y:.1f}h0" for x, y in _in_picture(points, at, ends).tolist())
+
+
+def _crosses(points: Points, at: NDArray[np.int64], ends: tuple[float, float]) -> str:
+    """Return a path of error bars in the picture; one that is unknown has no length."""
+    scale = SCALE / (ends[1] - ends[0])
+    errors = scale * np.nan_to_num(np.stack([points.measured_error[at], points.expected_error[at]], axis=1))
+    lines = np.hstack([_in_picture(points, at, ends), errors]).tolist()
+    return "".join(f"M{x - w:.1f} {y:.1f}h{2 * w:.1f}M{x:.1f} {y - h:.1f}v{2 * h:.1f}" for x, y, w, h in lines)
+
+
+def _in_picture(points: Points, at: NDArray[np.int64], ends: tuple[float, float]) -> NDArray[np.float64]:
+    """Return where points are in the picture from its upper left corner, shape (P, 2)."""
+    scale = SCALE / (ends[1] - ends[0])
+    return scale * np.stack([points.measured[at] - ends[0], ends[1] - points.predicted[at]], axis=1)
 
 
 def _told(points: Points, k: int) -> str:

@@ -115,7 +115,7 @@ def _believe(asked: Filters, found: Parity) -> None:
 def _say(found: Parity) -> None:
     """Say what stands against the predictions, and which are missing."""
     failed, outdated = found.states["failed"], found.states["outdated"]
-    counts = {f"{failed} failed": failed, f"{outdated} outdated (hollow, left out of the figures)": outdated,
+    counts = {f"{failed} failed": failed, f"{outdated} outdated (hollow or small, left out of the figures)": outdated,
               f"{found.with_warnings} with a warning": found.with_warnings}  # fmt: skip
     told = [text for text, count in counts.items() if count]
     if told:
