@@ -4,7 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 from scipy.spatial import ConvexHull
 
-from pdlab.charts.style import GRID, LINES, shown, styled
+from pdlab.charts.style import GRID, LINES, Drawn, made, shown
 from pdlab.experiments import DrawnBed
 
 CORNERS = 42
@@ -15,7 +15,7 @@ LABELS = 6
 
 def bed(drawn: DrawnBed) -> go.Figure:
     """Return a bed's spheres in three dimensions, coloured by aggregate, lengths in mm with one scale for all axes."""
-    figure, (points, faces) = go.Figure(), _ball()
+    series, (points, faces) = list[Drawn](), _ball()
     centre, radius = drawn.place[:, :3], drawn.place[:, 3:]
     for k, name in enumerate(drawn.names):
         own = drawn.part == k
@@ -23,11 +23,12 @@ def bed(drawn: DrawnBed) -> go.Figure:
         meshed = faces + len(points) * np.arange(own.sum())[:, None, None]
         x, y, z = corners.reshape(-1, 3).T.astype(np.float32)
         i, j, of = meshed.reshape(-1, 3).T.astype(np.int32)
-        figure.add_mesh3d(
-            x=x, y=y, z=z, i=i, j=j, k=of, name=shown(name), color=LINES[k % len(LINES)], showlegend=True,
-            hoverinfo="name", lighting={"ambient": 0.45, "diffuse": 0.7, "specular": 0.1},
-            lightposition={"x": -1000, "y": -3000, "z": 3000},
-        )  # fmt: skip
+        series.append({
+            "type": "mesh3d", "x": x, "y": y, "z": z, "i": i, "j": j, "k": of, "name": shown(name),
+            "color": LINES[k % len(LINES)], "showlegend": True, "hoverinfo": "name",
+            "lighting": {"ambient": 0.45, "diffuse": 0.7, "specular": 0.1},
+            "lightposition": {"x": -1000, "y": -3000, "z": 3000},
+        })  # fmt: skip
     low, high = (centre - radius).min(axis=0), (centre + radius).max(axis=0)
     part = (high - low) / (high - low).max()
     axes = {
@@ -36,15 +37,9 @@ def bed(drawn: DrawnBed) -> go.Figure:
         for n, axis in enumerate("xyz")
     }  # fmt: skip
     ratio = {axis: float(part[n]) for n, axis in enumerate("xyz")}
-    figure.update_layout(
-        scene={
-            "aspectmode": "manual",
-            "aspectratio": ratio,
-            "camera": {"eye": {"x": 0.45, "y": -1.35, "z": 0.35}},
-            **axes,
-        }
-    )
-    return styled(figure, 680).update_layout(showlegend=True, legend={"orientation": "h"})
+    camera = {"eye": {"x": 0.45, "y": -1.35, "z": 0.35}}
+    scene = {"aspectmode": "manual", "aspectratio": ratio, "camera": camera, **axes}
+    return made(series, 680, showlegend=True, legend={"orientation": "h"}, scene=scene)
 
 
 def _ball() -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import plotly.graph_objects as go
 
-from pdlab.charts.style import GRID, INK, LIMITS, LINES, apart, shown, styled
+from pdlab.charts.style import GRID, INK, LIMITS, LINES, Drawn, apart, made, scatter, shown
 from pdlab.grading import Grading
 from pdlab.quantities import label
 
@@ -27,40 +27,39 @@ def grading_curve(
     ``targets``: sizes [mm] and shares passing [-] to compare with, by name. ``limits``: a band of aperture [mm], least
     and largest percent passing. ``mixture``: a thick line, beside which those of its parts are thin.
     """
-    figure, ticks = go.Figure(), set[float]()
-    if limits:
-        _add_band(figure, limits)
+    series, ticks = [_band(limits)] if limits else [], set[float]()
     for k, (name, (sizes, shares)) in enumerate((targets or {}).items()):
         line = {"dash": DASHES[k % len(DASHES)], "width": 1.5, "color": INK}
         passing = [100.0 * share for share in shares]
-        figure.add_scatter(x=list(sizes), y=passing, mode="lines", name=shown(name), line=line, hoverinfo="name")
+        series.append(scatter(x=list(sizes), y=passing, mode="lines", name=shown(name), line=line, hoverinfo="name"))
     for k, (raw, grading) in enumerate(gradings.items()):
         line = {"color": LINES[k % len(LINES)], "width": 2.0 if mixture is None else 1.2}
-        _add_grading(figure, shown(raw), grading, line)
+        series.append(_curve(shown(raw), grading, line))
         ticks |= set(grading.apertures)
     if mixture is not None:
-        _add_grading(figure, "mixture", mixture, {"color": INK, "width": 4})
+        series.append(_curve("mixture", mixture, {"color": INK, "width": 4}))
     values = apart(sorted(ticks), GAP, math.log10)
     text = [f"{value:g}" for value in values]
-    figure.update_xaxes(type="log", tickvals=values, ticktext=text, title=label("aperture"), gridcolor=GRID)
-    figure.update_yaxes(range=[-2, 102], title=label("passing_percent"), gridcolor=GRID)
-    styled(figure, 420)
-    named = len(gradings) > 1 or bool(targets or limits or mixture)
-    return figure.update_layout(showlegend=named, legend={"orientation": "h", "y": -0.25})
-
-
-def _add_grading(figure: go.Figure, name: str, grading: Grading, line: Mapping[str, object]) -> None:
-    figure.add_scatter(
-        x=list(grading.apertures), y=[100.0 * float(share) for share in grading.passing], mode="lines+markers",
-        name=name, line=dict(line), hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
+    return made(
+        series, 420, showlegend=len(gradings) > 1 or bool(targets or limits or mixture),
+        legend={"orientation": "h", "y": -0.25},
+        xaxis={"type": "log", "tickvals": values, "ticktext": text, "title": label("aperture"), "gridcolor": GRID},
+        yaxis={"range": [-2, 102], "title": label("passing_percent"), "gridcolor": GRID},
     )  # fmt: skip
 
 
-def _add_band(figure: go.Figure, limits: Sequence[Limit]) -> None:
-    """Draw the band between the limits of a standard."""
+def _curve(name: str, grading: Grading, line: Drawn) -> Drawn:
+    return scatter(
+        x=list(grading.apertures), y=[100.0 * float(share) for share in grading.passing], mode="lines+markers",
+        name=name, line=line, hovertemplate="%{x:g} mm: %{y:.1f} %<extra>" + name + "</extra>",
+    )  # fmt: skip
+
+
+def _band(limits: Sequence[Limit]) -> Drawn:
+    """Return the band between the limits of a standard."""
     apertures = [aperture for aperture, _, _ in limits]
     highest, lowest = [high for _, _, high in limits], [low for _, low, _ in limits]
-    figure.add_scatter(
+    return scatter(
         x=[*apertures, *apertures[::-1]], y=[*highest, *lowest[::-1]], mode="lines", fill="toself", fillcolor=LIMITS,
         line={"width": 0}, name="ASTM C33 fine", hoverinfo="name",
     )  # fmt: skip

@@ -9,19 +9,17 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from pdlab.charts.style import BAND, GRID, INK, LINES, shown, styled
+from pdlab.charts.style import BAND, GRID, INK, LINES, MARGIN, Drawn, made, scatter, shown
 from pdlab.experiments import Density, Points
 from pdlab.quantities import heading, label
 
-Drawn = dict[str, Any]
-"""A series or a picture of a figure, as plotly reads it."""
 Group = tuple[int, bool, NDArray[np.int64]]
 """The place of a method, whether its predictions are current, where they are."""
 HEIGHT, SIDE = 600, 450
 """Of the figure and of the square within its axes [px]."""
 LINE, BESIDE = 19, 3
 """Height of the legend's lines [px], and names in each."""
-MARGIN, EMPTY = 0.01, (0.5, 0.75)
+ROOM, EMPTY = 0.01, (0.5, 0.75)
 """Packing density [-] beside the outermost points; the ends of the axes without any."""
 TICKS = 9
 """Marks on either axis at most; as many on both, which have the same steps then."""
@@ -60,17 +58,16 @@ def parity(
     series += [_markers(points, at, k, picked, current or k not in predicted_now) for k, current, at in groups]
     axis = {"range": ends, "nticks": TICKS, "showgrid": True, "gridcolor": GRID, "constrain": "domain"}
     legend: Drawn = {"orientation": "h", "y": -0.14}
-    layout: Drawn = {
-        "xaxis": {"title": {"text": label("measured")}, **axis},
-        "yaxis": {"title": {"text": label("predicted")}, "scaleanchor": "x", **axis},
-    }  # fmt: skip
+    pictures = list[Drawn]()
     if _is_crowded(points):
-        layout["images"] = [_picture(points, groups, ends, picked)]
+        pictures = [_picture(points, groups, ends, picked)]
         legend |= {"itemclick": False, "itemdoubleclick": False}  # the picture would stay
     named = sum(one.get("showlegend", True) for one in series)
-    figure = go.Figure(series, layout)  # all at once: one by one each is checked and copied several times
-    styled(figure, HEIGHT + LINE * (max(named - 1, 0) // BESIDE))
-    return figure.update_layout(showlegend=True, legend=legend, margin_t=40)
+    return made(
+        series, HEIGHT + LINE * (max(named - 1, 0) // BESIDE), showlegend=True, legend=legend, images=pictures,
+        xaxis={"title": label("measured"), **axis}, yaxis={"title": label("predicted"), "scaleanchor": "x", **axis},
+        margin=MARGIN | {"t": 40},
+    )  # fmt: skip
 
 
 def _groups(points: Points, methods: Sequence[str]) -> list[Group]:
@@ -97,7 +94,7 @@ def _ends(points: Points, density: Density | None) -> tuple[float, float]:
     if density is not None:
         values += [density.width * (cells + add) for cells in (density.column, density.row) for add in (0, 1)]
     together = np.concatenate(values)
-    return (float(together.min()) - MARGIN, float(together.max()) + MARGIN) if together.size else EMPTY
+    return (float(together.min()) - ROOM, float(together.max()) + ROOM) if together.size else EMPTY
 
 
 def _bands(low: float, high: float) -> list[Drawn]:
@@ -117,7 +114,7 @@ def _edges(low: float, high: float) -> list[Drawn]:
 
 
 def _line(x: list[float], y: list[float], **line: Any) -> Drawn:
-    return {"type": "scatter", "x": x, "y": y, "mode": "lines", "line": line, "hoverinfo": "skip", "showlegend": False}
+    return scatter(x=x, y=y, mode="lines", line=line, hoverinfo="skip", showlegend=False)
 
 
 def _markers(points: Points, at: NDArray[np.int64], k: int, picked: Collection[int], is_named: bool) -> Drawn:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CloughTocher2DInterpolator
 from scipy.spatial.distance import cdist
 
-from pdlab.charts.style import BAND, GRID, INK, LINES, SERIES, shown, styled
+from pdlab.charts.style import BAND, GRID, INK, LINES, SERIES, Drawn, made, scatter, shown
 from pdlab.experiments import Proportions
 from pdlab.quantities import heading, label
 from pdlab.sweep import Densest, Swept
@@ -24,8 +24,6 @@ ROWS = 40
 """Rows of the grid on which the triangle's PD is drawn; the ends of each lie on the triangle's sides."""
 TICKS = (0.2, 0.4, 0.6, 0.8)
 """Shares [-] at which the triangle has lines."""
-TOLD = 0.05
-"""Steps of the shares [-] at which PD is told under the mouse; more would take the browser long to draw."""
 ISO_LINES = 8
 """About so many lines of equal PD."""
 SCALE = ((0.0, "#2a2f5e"), (0.5, "#2f6f8a"), (1.0, "#3f9b6b"))
@@ -71,30 +69,41 @@ def share_curve(known: Proportions, result: Swept) -> go.Figure:
 
     The densest mix has the interval of its share, and both errors of its PD.
     """
-    figure, x = go.Figure(), 100.0 * result.shares[:, 0]
-    high, low = result.packing_density + result.deviation, result.packing_density - result.deviation
-    figure.add_scatter(x=[*x, *x[::-1]], y=[*high, *low[::-1]], mode="lines", fill="toself", fillcolor=BAND,
-                       line={"width": 0}, hoverinfo="skip", name="± beds", showlegend=False)  # fmt: skip
-    figure.add_scatter(x=x, y=result.packing_density, mode="lines", line={"color": SERIES}, name="simulated ± beds",
-                       hovertemplate="%{x:.4g} %: %{y:.4f}<extra></extra>")  # fmt: skip
+    x, mean = 100.0 * result.shares[:, 0], result.packing_density
+    high, low = mean + result.deviation, mean - result.deviation
+    series = [
+        scatter(x=[*x, *x[::-1]], y=[*high, *low[::-1]], mode="lines", fill="toself", fillcolor=BAND,
+                line={"width": 0}, hoverinfo="skip", name="± beds", showlegend=False),
+        scatter(x=x, y=mean, mode="lines", line={"color": SERIES}, name="simulated ± beds",
+                hovertemplate="%{x:.4g} %: %{y:.4f}<extra></extra>"),
+    ]  # fmt: skip
     for dash, (name, values) in zip(DASHES, known.theories.items(), strict=False):
-        figure.add_scatter(x=x, y=values, mode="lines", name=heading(name), hoverinfo="name",
-                           line={"color": INK, "width": 1.2, "dash": dash})  # fmt: skip
+        line = {"color": INK, "width": 1.2, "dash": dash}
+        series.append(scatter(x=x, y=values, mode="lines", name=heading(name), hoverinfo="name", line=line))
     for marks in _marks(known, result):
-        figure.add_scatter(
-            x=100.0 * marks.shares[:, 0], y=marks.values, mode="markers", name=marks.name,
-            error_y={"type": "data", "array": marks.errors, "thickness": 1.2},
-            marker={"symbol": marks.symbol, "size": marks.size, "color": marks.color},
-            text=marks.texts(known.names), hovertemplate="%{text}<extra></extra>",
+        series.append(
+            scatter(
+                x=100.0 * marks.shares[:, 0], y=marks.values, mode="markers", name=marks.name,
+                error_y={"type": "data", "array": marks.errors, "thickness": 1.2},
+                marker={"symbol": marks.symbol, "size": marks.size, "color": marks.color},
+                text=marks.texts(known.names), hovertemplate="%{text}<extra></extra>",
+            )
         )  # fmt: skip
     best = result.densest
-    figure.data[-1].error_x = {
+    series[-1]["error_x"] = {
         "type": "data", "symmetric": False, "array": [100.0 * (best.high[0] - best.shares[0])],
         "arrayminus": [100.0 * (best.shares[0] - best.low[0])], "thickness": 2,
     }  # fmt: skip
-    figure.update_xaxes(title=f"{shown(known.names[0])} [% of solid volume]", range=[-3, 103], gridcolor=GRID)
-    figure.update_yaxes(title=label("packing_density"), gridcolor=GRID)
-    return styled(figure, 500).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.2})
+    return _over_share(series, f"{shown(known.names[0])} [% of solid volume]")
+
+
+def _over_share(series: list[Drawn], title: str) -> go.Figure:
+    """Return series of PD over a share in percent as a figure."""
+    return made(
+        series, 500, showlegend=True, legend={"orientation": "h", "y": -0.2},
+        xaxis={"title": title, "range": [-3, 103], "gridcolor": GRID},
+        yaxis={"title": label("packing_density"), "gridcolor": GRID},
+    )  # fmt: skip
 
 
 def _marks(known: Proportions, result: Swept) -> list[Marks]:
@@ -155,55 +164,60 @@ def proportion_triangle(known: Proportions, result: Swept) -> go.Figure:
 
     The polygon around the densest mix holds the proportions within the intervals of its shares.
     """
-    figure, marked = go.Figure(), _marks(known, result)
-    _add_surface(figure, known.names, result, places(np.concatenate([marks.shares for marks in marked])))
-    _add_scales(figure, known.names)
-    around = places(interval_corners(result.densest))
-    figure.add_scatter(x=around[:, 0], y=around[:, 1], mode="lines", line={"color": LINES[5], "width": 2},
-                       hoverinfo="skip", name="densest mix, its interval")  # fmt: skip
+    marked, around = _marks(known, result), places(interval_corners(result.densest))
+    series = [
+        *_surface(known.names, result, places(np.concatenate([marks.shares for marks in marked]))),
+        *_scales(len(known.names)),
+        scatter(x=around[:, 0], y=around[:, 1], mode="lines", line={"color": LINES[5], "width": 2},
+                hoverinfo="skip", name="densest mix, its interval"),
+    ]  # fmt: skip
     for marks in marked:
         at = places(marks.shares)
-        figure.add_scatter(
-            x=at[:, 0], y=at[:, 1], mode="markers", name=marks.name, text=marks.texts(known.names),
-            marker={"symbol": marks.symbol, "size": marks.size, "color": marks.color,
-                    "line": {"color": "white", "width": 1}},
-            hovertemplate="%{text}<extra></extra>",
+        series.append(
+            scatter(
+                x=at[:, 0], y=at[:, 1], mode="markers", name=marks.name, text=marks.texts(known.names),
+                marker={"symbol": marks.symbol, "size": marks.size, "color": marks.color,
+                        "line": {"color": "white", "width": 1}},
+                hovertemplate="%{text}<extra></extra>",
+            )
         )  # fmt: skip
-    figure.update_xaxes(visible=False, range=[-0.12, 1.12], constrain="domain")
-    figure.update_yaxes(visible=False, range=[-0.14, CORNERS[0, 1] + 0.1], scaleanchor="x")
-    return styled(figure, 680).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.02})
+    return made(
+        series, 680, showlegend=True, legend={"orientation": "h", "y": -0.02}, annotations=_corners(known.names),
+        xaxis={"visible": False, "range": [-0.12, 1.12], "constrain": "domain"},
+        yaxis={"visible": False, "range": [-0.14, CORNERS[0, 1] + 0.1], "scaleanchor": "x"},
+    )  # fmt: skip
 
 
-def _add_surface(figure: go.Figure, names: Sequence[str], result: Swept, marked: Floats) -> None:
-    """Draw the areas between lines of equal PD, and what is said at each place of the sweep's grid.
+def _surface(names: Sequence[str], result: Swept, marked: Floats) -> list[Drawn]:
+    """Return the areas between lines of equal PD, and what is said at each place of the sweep's grid.
 
     ``marked``: places, shape (K, 2), which the labels of the lines leave free.
     """
     x, y, values = triangle_grid(result.shares, result.packing_density)
     step = _step(float(np.ptp(result.packing_density)))
     first, last = math.ceil(np.nanmin(values) / step), math.floor(np.nanmax(values) / step)
-    figure.add_contour(
-        x=x, y=y, z=values.astype(np.float32), colorscale=SCALE, hoverinfo="skip", line={"color": THIN, "width": 1},
-        contours={"start": step * first, "end": float(np.nanmax(values)), "size": step},
-        colorbar={"title": {"text": label("packing_density"), "side": "top"}, "orientation": "h", "y": 1.0,
-                  "yanchor": "bottom", "thickness": 12, "len": 0.5},
-    )  # fmt: skip
     lines = level_places([step * k for k in range(first, last + 1)], (x, y, values), marked)
-    figure.add_scatter(
-        x=[at[0] for at in lines.values()], y=[at[1] for at in lines.values()], mode="text", hoverinfo="skip",
-        text=[f"{level:.4g}" for level in lines], textfont={"color": "white", "size": 12, "shadow": SHADOW},
-        showlegend=False, name="lines of equal PD",
-    )  # fmt: skip
-    told = np.all(np.abs(result.shares / TOLD - np.round(result.shares / TOLD)) < 1e-6, axis=1)
-    at = places(result.shares[told])
+    at = places(result.shares)
     texts = [
         f"{_mix(names, row)}<br>PD {value:.4f} ± {error:.4f}"
-        for row, value, error in zip(
-            result.shares[told], result.packing_density[told], result.deviation[told], strict=True
-        )
+        for row, value, error in zip(result.shares, result.packing_density, result.deviation, strict=True)
     ]
-    figure.add_scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 10, "opacity": 0.0}, text=texts,
-                       hovertemplate="%{text}<extra></extra>", showlegend=False, name="proportions")  # fmt: skip
+    return [
+        {
+            "type": "contour", "x": x, "y": y, "z": values.astype(np.float32), "colorscale": SCALE, "hoverinfo": "skip",
+            "line": {"color": THIN, "width": 1},
+            "contours": {"start": step * first, "end": float(np.nanmax(values)), "size": step},
+            "colorbar": {"title": {"text": label("packing_density"), "side": "top"}, "orientation": "h", "y": 1.0,
+                         "yanchor": "bottom", "thickness": 12, "len": 0.5},
+        },
+        scatter(
+            x=[at[0] for at in lines.values()], y=[at[1] for at in lines.values()], mode="text", hoverinfo="skip",
+            text=[f"{level:.4g}" for level in lines], textfont={"color": "white", "size": 12, "shadow": SHADOW},
+            showlegend=False, name="lines of equal PD",
+        ),
+        scatter(x=at[:, 0], y=at[:, 1], mode="markers", marker={"size": 10, "opacity": 0.0, "maxdisplayed": 1},
+                text=texts, hovertemplate="%{text}<extra></extra>", showlegend=False, name="proportions"),
+    ]  # fmt: skip
 
 
 def level_places(levels: Sequence[float], grid: tuple[Floats, Floats, Floats], taken: Floats) -> dict[float, Floats]:
@@ -250,28 +264,39 @@ def interval_corners(best: Densest) -> Floats:
     return np.asarray(np.concatenate([corners, corners[:1]]), dtype=np.float64)
 
 
-def _add_scales(figure: go.Figure, names: Sequence[str]) -> None:
-    """Draw the sides, and for each aggregate lines of equal shares, their percent in its colour, and its name."""
+def _scales(count: int) -> list[Drawn]:
+    """Return the sides, and for each aggregate lines of equal shares and their percent in its colour."""
     alone, sides = np.eye(3), places(np.eye(3)[[0, 1, 2, 0]])
-    figure.add_scatter(x=sides[:, 0], y=sides[:, 1], mode="lines", line={"color": INK, "width": 1.5}, hoverinfo="skip",
-                       showlegend=False, name="sides")  # fmt: skip
-    for k, name in enumerate(names):
+    series = [scatter(x=sides[:, 0], y=sides[:, 1], mode="lines", line={"color": INK, "width": 1.5}, hoverinfo="skip",
+                      showlegend=False, name="sides")]  # fmt: skip
+    for k in range(count):
         before, after = alone[(k + 1) % 3], alone[(k + 2) % 3]
         lines = [places([share * alone[k] + (1 - share) * end for end in (before, after)]) for share in TICKS]
         path = np.concatenate([np.concatenate([line, [[np.nan, np.nan]]]) for line in lines])
-        figure.add_scatter(x=path[:, 0], y=path[:, 1], mode="lines", line={"color": THIN, "width": 1, "dash": "dot"},
-                           hoverinfo="skip", showlegend=False, name="shares")  # fmt: skip
         ends = [line[0] + AWAY * (line[0] - line[1]) / np.linalg.norm(line[0] - line[1]) for line in lines]
-        figure.add_scatter(
-            x=[end[0] for end in ends], y=[end[1] for end in ends], mode="text", textposition=BESIDE[k],
-            text=[f"{100.0 * share:g}" for share in TICKS], textfont={"color": LINES[k], "size": 12}, hoverinfo="skip",
-            showlegend=False, name="percent",
-        )  # fmt: skip
-        corner = "<br>".join(map(shown, textwrap.wrap(name, WIDTH) or [""]))
-        figure.add_annotation(
-            x=CORNERS[k, 0], y=CORNERS[k, 1], text=f"{corner} [%]", showarrow=False, xanchor=ANCHORS[k],
-            yanchor="bottom" if k == 0 else "top", yshift=6 if k == 0 else -22, font={"color": LINES[k], "size": 14},
-        )  # fmt: skip
+        series += [
+            scatter(x=path[:, 0], y=path[:, 1], mode="lines", line={"color": THIN, "width": 1, "dash": "dot"},
+                    hoverinfo="skip", showlegend=False, name="shares"),
+            scatter(
+                x=[end[0] for end in ends], y=[end[1] for end in ends], mode="text", textposition=BESIDE[k],
+                text=[f"{100.0 * share:g}" for share in TICKS], textfont={"color": LINES[k], "size": 12},
+                hoverinfo="skip", showlegend=False, name="percent",
+            ),
+        ]  # fmt: skip
+    return series
+
+
+def _corners(names: Sequence[str]) -> list[Drawn]:
+    """Return the aggregates' names at the corners."""
+    return [
+        {
+            "x": CORNERS[k, 0], "y": CORNERS[k, 1], "showarrow": False, "xanchor": ANCHORS[k],
+            "text": f"{'<br>'.join(map(shown, textwrap.wrap(name, WIDTH) or ['']))} [%]",
+            "yanchor": "bottom" if k == 0 else "top", "yshift": 6 if k == 0 else -22,
+            "font": {"color": LINES[k], "size": 14},
+        }
+        for k, name in enumerate(names)
+    ]  # fmt: skip
 
 
 def share_profiles(known: Proportions, result: Swept) -> go.Figure:
@@ -279,22 +304,23 @@ def share_profiles(known: Proportions, result: Swept) -> go.Figure:
 
     The other shares are those that pack best beside it.
     """
-    figure = go.Figure()
+    series = list[Drawn]()
     for k, name in enumerate(known.names):
         own = np.round(result.shares[:, k], 6)
         best = [max(np.flatnonzero(own == share), key=result.packing_density.__getitem__) for share in np.unique(own)]
         color = LINES[k % len(LINES)]
-        figure.add_scatter(
-            x=100.0 * own[best], y=result.packing_density[best], mode="lines+markers", name=shown(name),
-            line={"color": color}, marker={"size": 5},
-            error_y={"type": "data", "array": result.deviation[best], "thickness": 1, "width": 0},
-            text=[_mix(known.names, row) for row in result.shares[best]],
-            hovertemplate="%{text}<br>PD %{y:.4f}<extra></extra>",
-        )  # fmt: skip
-        figure.add_scatter(
-            x=[100.0 * result.densest.shares[k]], y=[result.densest.packing_density], mode="markers", showlegend=False,
-            marker={"symbol": "star", "size": 14, "color": color}, hoverinfo="skip", name="densest mix",
-        )  # fmt: skip
-    figure.update_xaxes(title="share of the aggregate [% of solid volume]", range=[-3, 103], gridcolor=GRID)
-    figure.update_yaxes(title=label("packing_density"), gridcolor=GRID)
-    return styled(figure, 500).update_layout(showlegend=True, legend={"orientation": "h", "y": -0.2})
+        series += [
+            scatter(
+                x=100.0 * own[best], y=result.packing_density[best], mode="lines+markers", name=shown(name),
+                line={"color": color}, marker={"size": 5},
+                error_y={"type": "data", "array": result.deviation[best], "thickness": 1, "width": 0},
+                text=[_mix(known.names, row) for row in result.shares[best]],
+                hovertemplate="%{text}<br>PD %{y:.4f}<extra></extra>",
+            ),
+            scatter(
+                x=[100.0 * result.densest.shares[k]], y=[result.densest.packing_density], mode="markers",
+                showlegend=False, marker={"symbol": "star", "size": 14, "color": color}, hoverinfo="skip",
+                name="densest mix",
+            ),
+        ]  # fmt: skip
+    return _over_share(series, "share of the aggregate [% of solid volume]")

@@ -1,6 +1,7 @@
 """What all figures share: colours that stand on white and on black alike, layout, texts without tags."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import plotly.graph_objects as go
 
@@ -9,13 +10,24 @@ LINES = ("#3488a8", "#d1495b", "#b08a20", "#4c9a5f", "#9568c4", "#d9822b", "#628
 LIMITS = "rgba(209, 140, 29, 0.20)"
 
 
-def styled(figure: go.Figure, height: int) -> go.Figure:
-    """Set a figure's height [px], letters and margins; the page brings its own template, which is much to copy."""
-    figure.update_layout(
-        template="none", height=height, showlegend=False, font={"size": 14},
-        margin={"l": 10, "r": 10, "t": 20, "b": 10},
-    )  # fmt: skip
-    return figure
+Drawn = dict[str, Any]
+"""A series, a shape or a layout, as plotly reads it."""
+MARGIN = {"l": 10, "r": 10, "t": 20, "b": 10}
+"""Beside the axes [px]."""
+
+
+def scatter(**series: Any) -> Drawn:
+    """Return a series of points or lines."""
+    return {"type": "scatter", **series}
+
+
+def made(series: Sequence[Drawn], height: int, **layout: Any) -> go.Figure:
+    """Return a figure of a height [px] with the letters and margins of all; without a template, which is much to copy.
+
+    It is made at once: what is added to a figure is checked and copied several times.
+    """
+    style = {"template": "none", "height": height, "showlegend": False, "font": {"size": 14}, "margin": MARGIN}
+    return go.Figure(list(series), style | layout)
 
 
 def shown(text: str) -> str:
