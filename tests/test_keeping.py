@@ -21,6 +21,7 @@ from pdlab.models import (
     Mixture,
     PackingTest,
     Prediction,
+    Run,
     SieveAnalysis,
     SieveResult,
     now,
@@ -92,12 +93,27 @@ def test_what_is_kept_for_the_lists_follows_every_write(
             (key,) = session.scalars(sa.select(Mixture.id).where(Mixture.name == name))
         return {f"mixture_component:{key}/{k}": {"solid_volume_share": str(v)} for k, v in enumerate(values)}
 
-    seen = []
+    seen, states = [], list[str]()
     for write in writes:
         write()
         check_kept(compared)
+        states.append(experiments.parity_state(compared))
+        assert experiments.parity_state(compared) == states[-1], "nothing was written"
         seen.append(rows_of(compared, "predictions", [], ["mixture", "packing_density", "measured", "message"]))
     assert [before != after for before, after in itertools.pairwise(seen)] == [True] * (len(writes) - 1)
+    assert len(set(states)) == len(writes)
+
+
+def test_what_no_list_of_predictions_says_leaves_its_state(compared: Store) -> None:
+    before = experiments.parity_state(compared)
+    experiments.delete_draft(compared, experiments.save_draft(compared, "aggregate", {}))
+    rest = {"specimen": "{}", "seed": 1, "spheres": 9, "state": "failed", "steps": 1, "seconds": 1.0}
+    with compared.write() as session:
+        session.add(Run(specimen_hash="0" * 64, engine_version=1, **rest))
+    assert experiments.parity_state(compared) == before
+    with compared.write() as session:
+        session.add(Run(specimen_hash="1" * 64, engine_version=99, **rest))
+    assert experiments.parity_state(compared) != before, "a newer engine outdates what is there"
 
 
 def test_the_sizes_of_a_sieve_analysis_follow_its_results_alone(compared: Store) -> None:
@@ -140,9 +156,11 @@ def test_a_write_that_is_undone_leaves_what_is_kept_for_the_lists(compared: Stor
             session.flush()
             raise RuntimeError
 
+    state = experiments.parity_state(compared)
     with pytest.raises(RuntimeError):
         fail()
     check_kept(compared)
+    assert experiments.parity_state(compared) == state
     assert rows_of(compared, "predictions", [], ["mixture", "measured"]) == before
 
 

@@ -222,33 +222,3 @@ def test_a_folder_and_a_foreign_database_with_our_revision_are_refused(tmp_path:
     for call in (open_store, upgrade):
         with pytest.raises(StoreError, match="no pdlab store"):
             call(str(path))
-
-
-@both
-def test_the_state_is_another_one_after_every_write_and_the_same_while_nothing_is_written(opened: Store) -> None:
-    assert isinstance(opened.writer, sa.Engine)
-    other = open_store(opened.writer.url.render_as_string(hide_password=False))
-    seen = [opened.state()]
-    for writer in (opened, other, opened):
-        with opened.read() as session:
-            assert session.scalar(sa.select(sa.func.count()).select_from(Aggregate)) == len(seen) - 1
-        assert opened.state() == seen[-1], "nothing was written"
-        with writer.write() as session:
-            session.add(Aggregate(name=f"A{len(seen)}", delivery=""))
-        seen.append(opened.state())
-    assert len(set(seen)) == 4
-    with opened.snapshot() as still:
-        assert still.state() is None
-    other.close()
-
-
-def test_a_store_that_was_opened_anew_is_not_taken_for_its_state_before(tmp_path: Path) -> None:
-    seen = list[str | None]()
-    for name in ("A", "B", "C"):
-        opened = open_store(str(tmp_path / "lab.db"))
-        seen.append(opened.state())
-        with opened.write() as session:
-            session.add(Aggregate(name=name, delivery=""))
-        seen.append(opened.state())
-        opened.close()
-    assert len(set(seen)) == 6

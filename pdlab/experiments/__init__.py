@@ -81,6 +81,7 @@ from pdlab.experiments.parity import (
     methods_used,
     parity,
     parity_csv,
+    parity_state,
 )
 from pdlab.experiments.predictions import answered, predict, to_predict
 from pdlab.experiments.proportions import (
@@ -217,6 +218,7 @@ __all__ = [
     "newest_sweeps",
     "parity",
     "parity_csv",
+    "parity_state",
     "predict",
     "prediction_bed",
     "proportions",

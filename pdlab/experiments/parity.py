@@ -199,6 +199,12 @@ def parity(
         )
 
 
+def parity_state(target: Store) -> str:
+    """Return a text that is another one wherever ``parity`` may show something else than before."""
+    with target.read() as session:
+        return f"{store.comparison_mark(session)} {store.newest_engine(session) or 0}"
+
+
 def parity_csv(target: Store, filters: Filters = Filters()) -> str:
     """Return the columns WRITTEN of all predictions under ``filters`` as CSV, the newest first."""
     with target.read() as session:

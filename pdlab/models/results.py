@@ -297,3 +297,11 @@ class Comparison(Base):
     warnings: Mapped[str | None]
     outdated: Mapped[str | None]
     requested_at: Mapped[dt.datetime | None]
+
+
+class Mark(Base):
+    """A value that is another one after every change of what its name says: ``comparison``, of that table."""
+
+    __tablename__ = "mark"
+    name: Mapped[str] = mapped_column(String(32), primary_key=True)
+    value: Mapped[str] = mapped_column(String(32))

@@ -56,23 +56,16 @@ def show(target: Store) -> None:
 
 
 def _parity(target: Store, asked: Filters, ids: Sequence[int], cells: Sequence[Cell]) -> tuple[Parity, go.Figure]:
-    """Return what is shown and its chart, for all who look at the same until something is written into the store."""
-    state = target.state()
-    if state is None:
-        return _drawn(target, asked, ids, cells)
-    return _remembered(target.url, state, asked, tuple(ids), tuple(cells), target)
+    """Return what is shown and its chart, for all who look at the same until it may be another one."""
+    return _drawn(target.url, experiments.parity_state(target), asked, tuple(ids), tuple(cells), target)
 
 
 @st.cache_resource(max_entries=32, show_spinner=False)
-def _remembered(
+def _drawn(
     url: str, state: str, asked: Filters, ids: tuple[int, ...], cells: tuple[Cell, ...], _target: Store
 ) -> tuple[Parity, go.Figure]:
-    return _drawn(_target, asked, ids, cells)
-
-
-def _drawn(target: Store, asked: Filters, ids: Sequence[int], cells: Sequence[Cell]) -> tuple[Parity, go.Figure]:
-    found = experiments.parity(target, asked, ids, cells, ROWS)
-    return found, charts.parity(found.points, found.density, experiments.methods_used(target), ids)
+    found = experiments.parity(_target, asked, ids, cells, ROWS)
+    return found, charts.parity(found.points, found.density, experiments.methods_used(_target), ids)
 
 
 def _chart(asked: Filters, found: Parity, figure: go.Figure) -> None:

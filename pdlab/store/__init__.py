@@ -11,7 +11,7 @@ from pdlab.store.descent import (
     resting_on,
     with_descent,
 )
-from pdlab.store.keeping import sieve_table, sizes
+from pdlab.store.keeping import comparison_mark, sieve_table, sizes
 from pdlab.store.lists import SHOWN, Condition, column_kinds, count_rows, differences, list_rows
 from pdlab.store.opening import Store, Upgraded, is_made, open_store, upgrade
 from pdlab.store.parity import Alone, each_alone, methods, names_in_mixtures, newest_mixtures
@@ -109,6 +109,7 @@ __all__ = [
     "claim_wishes",
     "claimed",
     "column_kinds",
+    "comparison_mark",
     "copy",
     "corrections",
     "count_rows",

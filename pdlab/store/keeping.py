@@ -7,13 +7,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
+from uuid import uuid4
 
 import sqlalchemy as sa
 from sqlalchemy.orm import ORMExecuteState, Session
 
 from pdlab.errors import GradingError
 from pdlab.grading import SieveRow, SieveTable, equivalent_diameter, make_grading
-from pdlab.models import Aggregate, Comparison, Mixture, MixtureComponent, SieveAnalysis, SieveResult
+from pdlab.models import Aggregate, Comparison, Mark, Mixture, MixtureComponent, SieveAnalysis, SieveResult
 from pdlab.store.selects import parts
 
 VIEW = sa.table("predicted_vs_measured", *(sa.column(column.name) for column in Comparison.__table__.columns))
@@ -64,12 +65,28 @@ def kept_for_lists(session: Session) -> Iterator[None]:
     session.flush()
     if written.at_large:
         compare(session)
+        _set_mark(session)
         return
     blends = sa.select(MixtureComponent.mixture_id)
     for some in parts(list(written.aggregates)):
         written.mixtures.update(session.scalars(blends.where(MixtureComponent.aggregate_id.in_(some))))
     for some in parts(list(written.mixtures)):
         compare(session, some)
+    if written.mixtures:
+        _set_mark(session)  # last: who waits for another's row of it holds nothing that the other waits for
+
+
+def _set_mark(session: Session) -> None:
+    """Note that the comparisons are others than before."""
+    set_ = (
+        "INSERT INTO mark (name, value) VALUES (:name, :value) ON CONFLICT (name) DO UPDATE SET value = excluded.value"
+    )
+    session.execute(sa.text(set_), {"name": Comparison.__tablename__, "value": uuid4().hex})
+
+
+def comparison_mark(session: Session) -> str:
+    """Return a text that is another one after every change of the comparisons; empty before the first."""
+    return session.scalar(sa.select(Mark.value).where(Mark.name == Comparison.__tablename__)) or ""
 
 
 def compare(session: Session, mixture_ids: Sequence[int] | None = None) -> None:

@@ -27,7 +27,6 @@ from pdlab.store.databases import (
 )
 from pdlab.store.keeping import kept_for_lists
 from pdlab.store.revisions import check_revision, head, migrate, revision_of
-from pdlab.store.watching import Watch
 
 
 @dataclass(frozen=True)
@@ -41,17 +40,6 @@ class Store:
     reader: sa.Engine | sa.Connection = field(repr=False)
     writer: sa.Engine | sa.Connection = field(repr=False)
     created: bool = False
-    watch: Watch = field(default_factory=Watch, repr=False, compare=False)
-
-    def state(self) -> str | None:
-        """Return a text that is another one after every write into the store; None for one in a transaction or memory.
-
-        Raises StoreError.
-        """
-        if isinstance(self.reader, sa.Connection) or self.reader is self.writer:
-            return None
-        with named_errors(self.url):
-            return self.watch.look(self.reader)
 
     @contextmanager
     def read(self) -> Iterator[Session]:
@@ -101,7 +89,6 @@ class Store:
 
     def close(self) -> None:
         """Give the connections back."""
-        self.watch.close()
         for bind in (self.reader, self.writer):
             if isinstance(bind, sa.Engine):
                 bind.dispose()
