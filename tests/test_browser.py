@@ -153,7 +153,7 @@ def test_a_prediction_survives_a_closed_tab_and_comes_without_disturbing_what_is
     address, again = page.url, page.context.new_page()
     page.close()
     again.goto(address)
-    expect(again.get_by_text("queued: it begins when a runner takes it up")).to_be_visible(timeout=20_000)
+    expect(again.get_by_text("1st in line: it begins when a runner is free")).to_be_visible(timeout=20_000)
     again.get_by_role("textbox", name="Largest size D").press_sequentially("31,")
     waiting = experiments.waiting_prediction(opened, 2)
     assert waiting is not None

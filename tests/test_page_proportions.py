@@ -72,7 +72,7 @@ def test_a_sweep_is_asked_for_watched_left_come_back_to_cancelled_and_asked_for_
     assert address(app, "aggregates") == ""
     app = view(sweep=wish)
     (bar,) = app.get("progress")
-    assert bar.proto.text.replace("\\", "").startswith("auto, queued")
+    assert bar.proto.text.replace("\\", "").startswith("auto, 1st in line")
     ran(app.button(key="cancel").click())
     assert experiments.waiting_sweep(stocked, wish) is None
     assert "cancelled" in said(app)

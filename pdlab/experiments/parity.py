@@ -142,8 +142,9 @@ class Parity:
     or where there are too many those of the chosen cells; ``density``: None where all are points. ``states``: how many
     of all predictions that the filters leave are in each. ``with_warnings``: how many say something though done.
     ``listed``: rows of the columns LISTED, the newest first; ``chosen``: how many predictions were chosen, 0 for none.
-    ``open``: the names by id of mixtures that are measured and not predicted, so many in ``opened``; ``unmeasured``:
-    mixtures that are neither.
+    ``waiting``: the mixtures, by id, whose prediction waits for a runner ('queued') or is worked on ('running'). Of the
+    others ``open``: the names by id of mixtures that are measured and not predicted, so many in ``opened``;
+    ``unmeasured``: mixtures that are neither.
     """
 
     mixtures: int
@@ -158,6 +159,7 @@ class Parity:
     chosen: int
     opened: int
     unmeasured: int
+    waiting: dict[int, str] = field(default_factory=dict)
     open: dict[int, str] = field(default_factory=dict)
 
 
@@ -195,7 +197,7 @@ def parity(
             with_warnings=store.count_rows(session, "predictions", said, engine),
             listed=tuple(store.list_rows(session, "predictions", LISTED, where, NEWEST, most, engine)),
             chosen=len(chosen),
-            **_open(table),
+            **_open(table, store.waiting_mixtures(session)),
         )
 
 
@@ -352,9 +354,12 @@ def _at(values: Sequence[str], places: Iterable[Any]) -> tuple[str, ...]:
     return tuple(values[int(place)] for place in places)
 
 
-def _open(table: _Table) -> dict[str, Any]:
-    """Return which mixtures have no prediction, those that are measured by name."""
-    waiting, tested = table.method == "", ~np.isnan(table.measured)
-    places = np.flatnonzero(waiting & tested)
+def _open(table: _Table, asked: Mapping[int, str]) -> dict[str, Any]:
+    """Return which mixtures' predictions are asked for, and which have none, those that are measured by name."""
+    is_asked = np.isin(table.mixture_id, list(asked))
+    missing, tested = (table.method == "") & ~is_asked, ~np.isnan(table.measured)
+    places = np.flatnonzero(missing & tested)
     named = {int(table.mixture_id[place]): table.mixture[place] for place in places[:NAMED]}
-    return {"opened": int(places.size), "unmeasured": int((waiting & ~tested).sum()), "open": named}
+    waiting = {key: asked[key] for key in table.mixture_id[is_asked].tolist()}
+    counts = {"opened": int(places.size), "unmeasured": int((missing & ~tested).sum())}
+    return {**counts, "open": named, "waiting": waiting}
