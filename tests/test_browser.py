@@ -14,6 +14,7 @@ import pytest
 from conftest import FormulaPool, FormulaRunner
 from PIL import Image
 from servers import free_port, serving
+from test_proportions import MixingRunner
 
 from pdlab import Lab, experiments
 from pdlab import store as store_module
@@ -245,3 +246,24 @@ def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters
     page.go_back()
     page.wait_for_url(re.compile(r"/predicted-vs-measured\?find=m%2B$"))
     expect(page.get_by_label("Search in mixtures")).to_have_value("m+")
+
+
+def test_the_way_back_from_another_view_shows_what_was_chosen(page: Any, served: str, tmp_path: Path) -> None:
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    experiments.sweep_aggregates(opened, MixingRunner(opened), ["pebbles L", "pebbles F"])
+    opened.close()
+    page.goto(f"{served}/proportions?sweep=1")
+    page.get_by_role("button", name="Put the densest mix together").click()
+    page.wait_for_url(re.compile(r"/mixtures\?parts="))
+    page.get_by_label("Name of the mixture").wait_for()
+    page.go_back()
+    page.wait_for_url(re.compile(r"/proportions\?sweep=1$"))
+    page.get_by_role("button", name="Put the densest mix together").wait_for()
+    page.goto(f"{served}/mixtures?mixture=2")
+    page.get_by_role("button", name="Predict", exact=True).wait_for()
+    page.get_by_role("link", name="Calibration").first.click()
+    page.wait_for_url(re.compile(r"/calibration\?aggregate="))
+    page.get_by_role("button", name="Calibrate", exact=True).wait_for()
+    page.go_back()
+    page.wait_for_url(re.compile(r"/mixtures\?mixture=2$"))

@@ -60,8 +60,14 @@ def main() -> None:
         refused = str(error)
     pages = {address: _page(address, target, refused) for address in VIEWS}
     links.keep(pages)
-    entrance = st.Page(lambda: links.go(HOME), title="pdlab", url_path="entrance", default=True, visibility="hidden")
+    entrance = st.Page(_enter, title="pdlab", url_path="entrance", default=True, visibility="hidden")
     st.navigation([entrance, *pages.values()], position="hidden" if target is None else "top").run()
+
+
+def _enter() -> None:
+    """Go on to the view that was asked for before a sign-in, else home."""
+    address, query = signing_in.asked_for(VIEWS) or (HOME, {})
+    links.go(address, **query)
 
 
 def _page(address: str, target: Store | None, refused: str) -> StreamlitPage:

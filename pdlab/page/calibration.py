@@ -49,11 +49,9 @@ def _choose(target: Store) -> int | None:
     if not known:
         greeting.show(target, "The store holds no aggregate yet.")
         return None
-    for key in asked:
-        st.session_state.setdefault(CHOSEN, key)
+    choosing.recall("aggregate", CHOSEN)
     chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
-    st.query_params["aggregate"] = str(chosen)
-    return chosen
+    return choosing.keep("aggregate", CHOSEN, chosen)
 
 
 def _result(known: Explained) -> None:

@@ -47,11 +47,15 @@ def show(target: Store) -> None:
         compare(composed.gradings, composed.combined)
 
 
-def fill(ids: Sequence[int], shares: Sequence[float]) -> None:
-    """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next."""
+def fill(ids: Sequence[int], shares: Sequence[float]) -> dict[str, str]:
+    """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next.
+
+    Returns what its address says.
+    """
     st.session_state.update({MIXTURE: NEW, PARTS: list(ids), BASIS: BASES[0]})
     for k, share in enumerate(shares):
         st.session_state[unsaved.share_key(k, ids)] = f"{100.0 * share:.6g}"
+    return unsaved.words()
 
 
 def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ...] | None:
@@ -88,5 +92,5 @@ def _save(target: Store, name: str, ids: Sequence[int], shares: Sequence[float],
         for sentence in experiments.sentences(error):
             st.error(plain(sentence))
         return
-    unsaved.put_away(saved=True)
+    unsaved.forget()
     st.rerun()

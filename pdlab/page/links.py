@@ -1,6 +1,6 @@
 """Ways from one view to another, and what is said there on arrival."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NoReturn
 
 import streamlit as st
@@ -30,7 +30,14 @@ def number(text: str) -> int | None:
     return int(text) if text.isdecimal() and len(text) <= DIGITS else None
 
 
-def go(address: str, sentence: str = "", **query: str) -> NoReturn:
+def tell(query: Mapping[str, str | Sequence[str]]) -> None:
+    """Have the address say this behind its question mark, and nothing else; each writing is a step back."""
+    wanted = {key: [value] if isinstance(value, str) else list(value) for key, value in query.items()}
+    if {key: st.query_params.get_all(key) for key in st.query_params} != wanted:
+        st.query_params.from_dict(wanted)
+
+
+def go(address: str, sentence: str = "", /, **query: str | Sequence[str]) -> NoReturn:
     """Open the view at an address and say a sentence there."""
     if sentence:
         st.session_state[SAID] = sentence

@@ -54,16 +54,11 @@ def _choose(target: Store) -> int:
     known = {NEW: "a new sweep"} | {one.sweep_id: _title(one) for one in experiments.newest_sweeps(target, LISTED)}
     if OPEN in st.session_state:  # one that was asked for a moment ago
         st.session_state[SWEEP] = st.session_state.pop(OPEN)
-    for key in choosing.asked_ids(SWEEP)[:1]:
-        st.session_state.setdefault(SWEEP, key)
+    choosing.recall(SWEEP, SWEEP, (AGGREGATES,))
     if (kept := st.session_state.get(SWEEP, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"sweep {kept}"
     chosen: int = st.selectbox("Sweep", list(known), format_func=known.__getitem__, key=SWEEP)
-    if chosen != NEW:
-        st.query_params.from_dict({SWEEP: str(chosen)})
-    elif SWEEP in st.query_params:
-        del st.query_params[SWEEP]
-    return chosen
+    return choosing.keep(SWEEP, SWEEP, chosen, NEW)
 
 
 def _title(one: ListedSweep) -> str:
@@ -83,9 +78,9 @@ def _new(target: Store) -> None:
         "A sweep looks for the densest mix: it calibrates each aggregate, then simulates the proportions that tell "
         "most, up to 12 beds of spheres of two aggregates, 30 of three, 50 of four, 70 of five."
     )
+    links.tell({AGGREGATES: ",".join(map(str, ids))} if ids else {})
     if not ids:
         return
-    st.query_params[AGGREGATES] = ",".join(map(str, ids))
     left, right = st.columns([1, 1], vertical_alignment="bottom")
     method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Sweep", type="primary", key="ask"):
@@ -169,8 +164,7 @@ def _put_together(title: str, key: str, ids: Sequence[int], shares: Sequence[flo
     if len(used) < choosing.LEAST:
         st.caption("It is one aggregate alone: there is nothing to put together.")
     elif st.button(title, key=f"together_{key}"):
-        composing.fill(*zip(*used, strict=True))
-        links.go("mixtures")
+        links.go("mixtures", **composing.fill(*zip(*used, strict=True)))
 
 
 def _figure(known: Proportions, result: Swept) -> go.Figure:
