@@ -10,7 +10,7 @@ from pdlab.experiments import Composed
 from pdlab.page import choosing, links, unsaved
 from pdlab.page.gradings import compare
 from pdlab.page.unsaved import BASES, BASIS, NAME, PARTS
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.store import Store
 
 MIXTURE = "mixture"  # the key of the mixture that is shown
@@ -38,7 +38,7 @@ def show(target: Store) -> None:
     try:
         composed = experiments.compose(target, ids, shares, basis == BASES[1])
     except InputError as error:
-        st.error(plain(str(error)))
+        st.error(plain(pressed(str(error))))
         return
     say_unsieved(composed)
     if st.button("Save the mixture", type="primary", key="save"):
@@ -90,7 +90,7 @@ def _save(target: Store, name: str, ids: Sequence[int], shares: Sequence[float],
         st.session_state[links.OPEN] = experiments.register_mixture(target, name, ids, shares, by_mass)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
-            st.error(plain(sentence))
+            st.error(plain(pressed(sentence)))
         return
     unsaved.forget()
     st.rerun()

@@ -8,7 +8,7 @@ from streamlit.navigation.page import StreamlitPage
 
 from pdlab import experiments
 from pdlab.errors import PdlabError
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 
 PAGES, SAID, REFUSED = "pages", "said", "refused"
 DIGITS = 9  # of an id at most: what a database takes as one
@@ -55,6 +55,6 @@ def attempt(call: Callable[..., object], *args: object) -> None:
 def said() -> None:
     """Say the sentence that another view has left, or why an attempt was refused, once."""
     for sentence in st.session_state.pop(REFUSED, ()):
-        st.error(plain(sentence))
+        st.error(plain(pressed(sentence)))
     if sentence := st.session_state.pop(SAID, ""):
         st.success(plain(sentence))

@@ -12,7 +12,7 @@ from pdlab.page import choosing, composing, lab_report, links, unsaved, watching
 from pdlab.page.composing import MIXTURE, NEW
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.store import Store
 
 LISTED = 200  # mixtures to choose from
@@ -66,7 +66,7 @@ def _ask(target: Store, chosen: int) -> None:
     method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Predict", type="primary", key="predict"):
         if refused := experiments.ask_prediction(target, chosen, method):
-            st.error(plain(refused))
+            st.error(plain(pressed(refused)))
         else:
             st.rerun()
 

@@ -11,7 +11,7 @@ from pdlab import charts, experiments
 from pdlab.errors import PdlabError, UnknownName
 from pdlab.experiments import ListedSweep, Proportions
 from pdlab.page import choosing, composing, links, watching
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
 from pdlab.sweep import Swept
@@ -42,7 +42,7 @@ def show(target: Store) -> None:
         st.markdown(plain(f"Sweep of {' + '.join(known.names)}"))
         watching.watch(target, waiting, partial(experiments.waiting_sweep, target, chosen))
     elif known.result is None:
-        st.warning(plain(known.message or f"The sweep is {known.state}."))
+        st.warning(plain(pressed(known.message or f"The sweep is {known.state}.")))
         _again(target, known)
     else:
         _outdated(target, known)
@@ -92,7 +92,7 @@ def _ask(target: Store, ids: Sequence[int], method: str) -> None:
     try:
         st.session_state[OPEN] = experiments.ask_proportions(target, ids, method)
     except PdlabError as error:
-        st.error(plain(str(error)))
+        st.error(plain(pressed(str(error))))
         return
     st.rerun()
 
@@ -126,7 +126,7 @@ def _result(known: Proportions, result: Swept) -> None:
     st.plotly_chart(_figure(known, result), key="proportions")
     _captions(known)
     for text in result.warnings:
-        st.warning(plain(text))
+        st.warning(plain(pressed(text)))
 
 
 def _mixes(known: Proportions, result: Swept) -> None:
