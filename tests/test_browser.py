@@ -21,7 +21,7 @@ from pdlab import store as store_module
 from pdlab.batch.runner import Runner
 from pdlab.batch.working import answer
 from pdlab.lab import SHIPPED
-from pdlab.page.app import VIEWS
+from pdlab.page.app import HOME, VIEWS
 from pdlab.store import open_store
 from pdlab.tables import read_path
 
@@ -123,6 +123,13 @@ def test_the_entrance_leads_home_by_its_own_address(page: Any) -> None:
     page.reload()
     page.get_by_text("The store holds no mixture yet").wait_for()
     assert page.get_by_text("Page not found").count() == 0
+
+
+def test_on_a_tablet_s_bar_all_views_are_at_hand(page: Any, served: str) -> None:
+    page.set_viewport_size({"width": 768, "height": 1024})
+    page.goto(f"{served}/aggregates")
+    for name in ("Home", *(title for address, (title, _) in VIEWS.items() if address != HOME)):
+        page.get_by_test_id("stTopNavLink").get_by_text(name, exact=True).wait_for()
 
 
 def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:

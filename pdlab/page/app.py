@@ -21,7 +21,7 @@ from pdlab.page import (
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
-HOME = "predicted-vs-measured"
+HOME, IN_BAR = "predicted-vs-measured", "Home"  # a bar of six titles is whole on a tablet
 VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
     HOME: ("Predicted against measured", predicted_vs_measured.show),
     "aggregates": ("Aggregates", aggregates.show),
@@ -72,7 +72,8 @@ def _enter() -> None:
 
 def _page(address: str, target: Store | None, refused: str) -> StreamlitPage:
     title, show = VIEWS[address]
-    return st.Page(partial(_draw, title, show, target, refused), title=title, url_path=address)
+    short = IN_BAR if address == HOME else title
+    return st.Page(partial(_draw, title, show, target, refused), title=short, url_path=address)
 
 
 def _draw(title: str, show: Callable[[Store], None], target: Store | None, refused: str) -> None:
