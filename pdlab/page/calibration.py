@@ -35,9 +35,10 @@ def show(target: Store) -> None:
         st.info("Nothing of its curve is simulated yet: press 'Calibrate'.")
     elif known.curve is not None:
         st.plotly_chart(charts.calibration_curve(known, known.curve), key="curve")
+        upright = "Upright: the coefficient's interval, where the curve lies within that error. "
         st.caption(
-            "Across: the measured value ± its error. Upright: the coefficient's interval, where the curve lies within "
-            "that error. The axis is spaced by the root of the coefficient."
+            f"Across: the measured value ± its error. {upright if known.value is not None else ''}"
+            "The axis is spaced by the root of the coefficient."
         )
     lab_report.offer(known.name, partial(report.aggregate, target, chosen))
 

@@ -12,7 +12,7 @@ from pdlab.page.wording import plain, pressed
 from pdlab.quantities import QUANTITIES, heading
 
 COUNT = "density_tests"
-KIND_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
+KIND_LABELS = {kind: QUANTITIES[kind].short for kind in tables.DENSITY_KINDS}  # the unit stands with the value
 UNITS = {kind: f" [{QUANTITIES[kind].unit}]" if QUANTITIES[kind].unit else "" for kind in tables.DENSITY_KINDS}
 CHOICES = {"kind": tables.DENSITY_KINDS[0], "compaction": COMPACTIONS[0]}
 

@@ -118,7 +118,8 @@ def _result(known: Proportions, result: Swept) -> None:
                  delta_arrow="off", help="± of the simulation: beds and calibration curves.")  # fmt: skip
     second.metric(heading("input_error").capitalize(), f"{best.input_error:.4f}",
                   help="Error from the measured packing densities of the aggregates.")  # fmt: skip
-    third.metric("To gain elsewhere, at most", f"{best.to_gain:.4f}", help="In PD, with a probability of 0.95.")
+    third.metric("To gain, at most", f"{best.to_gain:.4f}",
+                 help="In PD, at other proportions than the densest found, with a probability of 0.95.")  # fmt: skip
     if test is not None:
         fourth.metric("To test next, PD", f"{test.packing_density:.4f}", f"± {test.error:.4f}", delta_color="off",
                       delta_arrow="off", help="± of simulation, inputs and method.")  # fmt: skip
