@@ -173,7 +173,7 @@ def predict(parts: Sequence[Part], packings: Sequence[Packing], stiffer: float =
     if stiffer > 1.0:
         warnings += (
             f"contacts are {stiffer:g} times as stiff as in the calibrations, since fine spheres bear what coarse ones "
-            "weigh; each factor of 2 lowers PD by some 0.001 to 0.002",
+            f"weigh; that lowers PD by some {0.001 * math.log2(stiffer):.3f} to {0.002 * math.log2(stiffer):.3f}",
         )
     return replace(
         plain,

@@ -123,7 +123,10 @@ def _check_overlap(specimen: Specimen, overlap: float) -> None:
     said += f"{measures.MAX_OVERLAP:.0%}"
     if specimen.protocol.compaction in PLACING:
         raise RunDiverged(f"{said}, and none may; take another seed")
-    raise TooSoft(f"{said}; lower the nominal overlap below {specimen.protocol.nominal_overlap:g}")
+    raise TooSoft(
+        f"{said}: contacts are too soft for spheres of such different sizes; choose sizes nearer to each other, or "
+        f"lower the protocol's nominal overlap below {specimen.protocol.nominal_overlap:g}"
+    )
 
 
 def _density(specimen: Specimen, whole: bed.Setup, state: State, low: float, high: float) -> float:
@@ -166,10 +169,15 @@ def _share_warnings(specimen: Specimen, shares: tuple[float, ...]) -> tuple[str,
     off = max(abs(a - b) for a, b in zip(shares, specimen.shares, strict=True))
     if off > SHARE_LIMIT:
         raise Segregated(
-            f"the middle of the bed is off the mixture's shares by {off:.3f}, more than the limit of "
-            f"{SHARE_LIMIT:g}: the mixture segregates; choose proportions or sizes nearer to each other"
+            f"the simulated mixture segregates: in the middle of the bed, where PD is measured, a share is {off:.3f} "
+            f"off the mixture's, more than {SHARE_LIMIT:g}; choose proportions or sizes nearer to each other"
         )
-    return (f"the middle of the bed is off the mixture's shares by {off:.3f}",) if off > SHARE_WARNING else ()
+    if off <= SHARE_WARNING:
+        return ()
+    return (
+        f"the simulated mixture segregates a little: in the middle of the bed, where PD is measured, a share is "
+        f"{off:.3f} off the mixture's ({SHARE_LIMIT:g} would be too much)",
+    )
 
 
 __all__ = ["VERSION", "Progress", "State", "advance", "fingerprint", "measure", "progress", "setup"]

@@ -14,13 +14,14 @@ import pytest
 from conftest import FormulaPool, FormulaRunner
 from PIL import Image
 from servers import free_port, serving
+from test_proportions import MixingRunner
 
 from pdlab import Lab, experiments
 from pdlab import store as store_module
 from pdlab.batch.runner import Runner
 from pdlab.batch.working import answer
 from pdlab.lab import SHIPPED
-from pdlab.page.app import VIEWS
+from pdlab.page.app import HOME, VIEWS
 from pdlab.store import open_store
 from pdlab.tables import read_path
 
@@ -142,6 +143,13 @@ def test_a_view_finds_its_server_at_once_below_a_path_of_a_proxy_too(tmp_path: P
     assert any("PlotlyChart" in url for url in asked)
 
 
+def test_on_a_tablet_s_bar_all_views_are_at_hand(page: Any, served: str) -> None:
+    page.set_viewport_size({"width": 768, "height": 1024})
+    page.goto(f"{served}/aggregates")
+    for name in ("Home", *(title for address, (title, _) in VIEWS.items() if address != HOME)):
+        page.get_by_test_id("stTopNavLink").get_by_text(name, exact=True).wait_for()
+
+
 def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:
     from playwright.sync_api import expect
 
@@ -171,7 +179,7 @@ def test_a_prediction_survives_a_closed_tab_and_comes_without_disturbing_what_is
     address, again = page.url, page.context.new_page()
     page.close()
     again.goto(address)
-    expect(again.get_by_text("queued: it begins when a runner takes it up")).to_be_visible(timeout=20_000)
+    expect(again.get_by_text("1st in line: it begins when a runner is free")).to_be_visible(timeout=20_000)
     again.get_by_role("textbox", name="Largest size D").press_sequentially("31,")
     waiting = experiments.waiting_prediction(opened, 2)
     assert waiting is not None
@@ -263,3 +271,29 @@ def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters
     page.go_back()
     page.wait_for_url(re.compile(r"/predicted-vs-measured\?find=m%2B$"))
     expect(page.get_by_label("Search in mixtures")).to_have_value("m+")
+
+
+def test_the_way_back_from_another_view_shows_what_was_chosen(page: Any, served: str, tmp_path: Path) -> None:
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    experiments.sweep_aggregates(opened, MixingRunner(opened), ["pebbles L", "pebbles F"])
+    opened.close()
+    page.goto(f"{served}/proportions?sweep=1")
+    page.get_by_role("button", name="Put the densest mix together").click()
+    page.wait_for_url(re.compile(r"/mixtures\?parts="))
+    page.get_by_label("Name of the mixture").wait_for()
+    page.go_back()
+    page.wait_for_url(re.compile(r"/proportions\?sweep=1$"))
+    page.get_by_role("button", name="Put the densest mix together").wait_for()
+    page.goto(f"{served}/mixtures?mixture=2")
+    page.get_by_role("button", name="Predict", exact=True).wait_for()
+    page.get_by_role("link", name="Calibration").first.click()
+    page.wait_for_url(re.compile(r"/calibration\?aggregate="))
+    page.get_by_role("button", name="Calibrate", exact=True).wait_for()
+    page.wait_for_timeout(1000)
+    for _ in range(2):  # a step for the view and, where its address comes later, one for that
+        page.go_back()
+        page.wait_for_timeout(2000)
+        if "/mixtures" in page.url:
+            break
+    page.wait_for_url(re.compile(r"/mixtures\?mixture=2$"))

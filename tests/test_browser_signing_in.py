@@ -37,11 +37,15 @@ def test_signing_in_shows_the_page_and_signing_out_hides_it(tmp_path: Path) -> N
             browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
             page = browser.new_page()
             page.set_default_timeout(20_000)
-            page.goto(f"{address}/aggregates")
+            page.goto(f"{address}/mixtures?mixture=2")
             page.get_by_role("button", name="Sign in").wait_for()
-            assert page.get_by_text("Search by name").count() == 0
+            assert page.get_by_text("pebbles").count() == 0
             page.get_by_role("button", name="Sign in").click()
             expect(page.get_by_text(f"Signed in as {EMAIL}")).to_be_visible(timeout=20_000)
+            page.wait_for_url(f"{address}/mixtures?mixture=2")  # what was asked for, not home
+            expect(page.get_by_role("button", name="Predict", exact=True)).to_be_visible(timeout=20_000)
+            page.goto(address)  # once
+            page.wait_for_url(f"{address}/predicted-vs-measured")
             page.goto(f"{address}/aggregates")
             expect(page.get_by_text("Search by name")).to_be_visible(timeout=20_000)
             with page.expect_response(re.compile("/auth/logout")):  # which takes the cookie back

@@ -101,7 +101,7 @@ def test_refresh_prints_the_difference_and_then_finds_nothing_to_do(
     lab_of(tmp_path, packing.VERSION - 1)
     store = str(tmp_path / "pdlab.db")
     done = pdlab("ls", "predictions", folder=tmp_path)
-    assert f"M+F 1:1: of engine version {packing.VERSION - 1}; run 'pdlab refresh'" in done.stdout
+    assert f"M+F 1:1: by an older engine (version {packing.VERSION - 1}); run 'pdlab refresh'" in done.stdout
     monkeypatch.setattr("pdlab.lab.open_pool", lambda *_: FormulaPool())
     cli.descent.refresh(None, store)
     lines = capsys.readouterr().out.splitlines()

@@ -79,7 +79,7 @@ def test_a_calibration_of_an_older_engine_says_so_and_keeps_its_runs(pebbles: St
     experiments.calibrate(pebbles, FormulaRunner(pebbles, VERSION + 1), ["pebbles L"])
     after = experiments.explain(pebbles, aggregate(pebbles))
     assert after.curve == before.curve
-    assert after.notes == (*before.notes, f"of engine version {VERSION}; run 'pdlab refresh'")
+    assert after.notes == (*before.notes, f"by an older engine (version {VERSION}); run 'pdlab refresh'")
 
 
 def test_an_aggregate_without_a_test_says_what_is_missing(pebbles: Store, tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_the_page_wishes_for_a_calibration_and_cancels_it(lab: Store) -> None:
     wanted = aggregate(lab, "pebbles M")
     app = view(wanted)
     assert app.selectbox(key="aggregate").value == wanted
-    assert any("No bed of its curve is simulated yet" in info.value for info in app.info)
+    assert any("Nothing of its curve is simulated yet" in info.value for info in app.info)
     app.button(key="calibrate").click().run()
     waiting = experiments.waiting_calibration(lab, wanted)
     assert waiting is not None

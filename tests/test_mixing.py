@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sqlalchemy as sa
 from conftest import FormulaRunner
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,7 +17,7 @@ from pdlab import store as store_module
 from pdlab.errors import GradingError, InputError, TableError, UnknownName
 from pdlab.experiments import Way, waiting
 from pdlab.grading import Grading, SieveRow, SieveTable, combined, make_grading, passing_at
-from pdlab.models import Prediction, Run, RunState, now
+from pdlab.models import Calibration, Prediction, Run, RunState, now
 from pdlab.specimen import from_canonical
 from pdlab.store import Store
 from pdlab.tables import read_path
@@ -219,6 +220,43 @@ def test_a_wish_that_no_runner_takes_up_or_whose_runner_is_dead_is_not_attended(
     lost = now() - dt.timedelta(seconds=store_module.LEASE + 1.0)
     set_wish(pebbles, asked.key[1], state="running", heartbeat=lost)
     assert not attended()
+
+
+def test_a_wish_s_place_in_line_is_the_one_in_which_a_runner_takes_it_up(pebbles: Store) -> None:
+    (aggregate_id,) = ids(pebbles, "pebbles L")
+    mixtures = list(experiments.mixture_names(pebbles, 3))
+    for mixture_id in mixtures:
+        assert experiments.ask_prediction(pebbles, mixture_id, "monosized") == ""
+    assert experiments.ask_calibration(pebbles, aggregate_id, "monosized") == ""
+    asked = [found for key in mixtures if (found := experiments.waiting_prediction(pebbles, key)) is not None]
+    last = experiments.waiting_calibration(pebbles, aggregate_id)
+    assert last is not None
+    set_wish(pebbles, asked[2].key[1], priority=1)
+    places = {
+        found.key: found.before
+        for found in (*(experiments.waiting_prediction(pebbles, key) for key in mixtures), last)
+        if found is not None
+    }
+    assert sorted(places.values()) == [0, 1, 2, 3]
+    with pebbles.write() as session:
+        for key in sorted(places, key=places.__getitem__):
+            assert store_module.claim_wishes(session, "runner", 1, lambda name: False) == [key]
+
+
+def test_wishes_of_the_same_moment_stand_in_line_by_kind_and_age(pebbles: Store) -> None:
+    (aggregate_id,) = ids(pebbles, "pebbles L")
+    mixtures = list(experiments.mixture_names(pebbles, 2))
+    for mixture_id in mixtures:
+        experiments.ask_prediction(pebbles, mixture_id, "monosized")
+    experiments.ask_calibration(pebbles, aggregate_id, "monosized")
+    with pebbles.write() as session:
+        for table in (Prediction, Calibration):
+            session.execute(sa.update(table).values(requested_at=dt.datetime(2026, 1, 1, tzinfo=dt.UTC)))
+    found = [experiments.waiting_prediction(pebbles, key) for key in mixtures]
+    assert [one.before for one in found if one is not None] == [1, 2]
+    first = experiments.waiting_calibration(pebbles, aggregate_id)
+    assert first is not None
+    assert first.before == 0
 
 
 def keep_bed(target: Store, prediction_id: int, count: int) -> Run:

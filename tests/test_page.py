@@ -189,6 +189,14 @@ def test_what_is_wrong_with_the_aggregate_is_said_once_and_before_its_density_te
     assert shown.index(app.error[0].value) < shown.index("Density tests")
 
 
+def test_errors_speak_of_the_form_s_labels_and_not_of_a_table_s_columns(lab: Store) -> None:
+    app = type_in(form(), name="G", sieves="16 0\n8 100", value="1500")
+    assert plain(app)[1] == [
+        "bulk density 1500 kg/m³ needs a particle density to become a packing density; enter particle density and its "
+        "basis",
+    ]
+
+
 def test_an_aggregate_without_a_name_is_refused(lab: Store) -> None:
     app = save(type_in(form(), sieves="16 0\n8 100"))
     assert any("has no name" in error.value for error in app.error)

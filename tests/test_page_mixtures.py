@@ -22,7 +22,7 @@ from pdlab.experiments import Pace, Way
 from pdlab.lab import SHIPPED
 from pdlab.models import now
 from pdlab.page import watching
-from pdlab.page.watching import duration
+from pdlab.page.watching import duration, ordinal
 from pdlab.store import Store
 from pdlab.tables import read_path
 
@@ -233,8 +233,8 @@ def test_a_wish_that_nobody_takes_up_says_what_to_start(stocked: Store) -> None:
     assert waiting is not None
     set_wish(stocked, waiting.key[1], requested_at=now() - dt.timedelta(minutes=1))
     app = view(asked)
-    assert progress(app) == "monosized, queued: it begins when a runner takes it up, 0 %"
-    assert any("`pdlab runner`, or `pdlab serve`" in text for text in said(app))
+    assert progress(app) == "monosized, 1st in line: it begins when a runner is free"
+    assert any("`pdlab runner` or `pdlab serve`" in text for text in said(app))
 
 
 def test_what_is_refused_is_a_sentence(stocked: Store, tmp_path: Path) -> None:
@@ -254,6 +254,11 @@ def test_what_is_refused_is_a_sentence(stocked: Store, tmp_path: Path) -> None:
 )
 def test_time_left_is_said_in_the_unit_that_people_use(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(("number", "text"), [(1, "1st"), (2, "2nd"), (3, "3rd"), (11, "11th"), (22, "22nd")])
+def test_a_place_in_line_is_said_as_people_say_it(number: int, text: str) -> None:
+    assert ordinal(number) == text
 
 
 def test_a_runner_answers_the_wish_and_the_result_says_what_paste_must_fill(stocked: Store, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 from conftest import FormulaRunner
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
@@ -14,13 +15,15 @@ from test_page import PAGE, frame_of, lab, plain
 from pdlab import experiments
 from pdlab.experiments import Filters, Way
 from pdlab.lab import SHIPPED
-from pdlab.page import filters, picking
+from pdlab.models import Prediction, now
+from pdlab.page import filters, picking, watching
 from pdlab.page.app import HOME
 from pdlab.page.picking import OPENED, PICKED, Picked, picked
 from pdlab.store import Store
 from pdlab.tables import read_path
 
 __all__ = ["lab"]
+HOUR = dt.timedelta(hours=1)
 SAID = "what there is to say"
 LM, LF, MF = "pebbles L+M 1:1", "pebbles L+F 1:1", "pebbles M+F 1:1"
 
@@ -73,6 +76,37 @@ def test_mixtures_that_are_not_predicted_are_counted_and_lead_to_their_predictio
     assert [link.proto.query_string for link in app.get("page_link")] == ["mixture=1", "mixture=2", "mixture=3"]
     assert any("None of these mixtures is both measured and predicted" in info.value for info in app.info)
     assert list(frame_of(app, SAID)["state"]) == ["open"] * 3
+
+
+def test_what_is_asked_for_is_counted_apart_and_nobody_is_told_to_ask_again(pebbles: Store) -> None:
+    for key in (1, 2):
+        experiments.ask_prediction(pebbles, key, "monosized")
+    set_wishes(pebbles, requested_at=now())
+    app = home()
+    said = [info.value for info in app.info]
+    assert "2 mixtures are waiting for the runner." in said
+    assert any(text.startswith("1 mixture is measured and not predicted yet") for text in said)
+    assert [link.proto.query_string for link in app.get("page_link")] == ["mixture=3"]
+    frame = frame_of(app, SAID).set_index("mixture")
+    assert frame[SAID].to_dict() == {
+        LM: "waiting for the runner", LF: "waiting for the runner", MF: "not predicted yet: press 'Predict'",
+    }  # fmt: skip
+    assert not app.warning
+
+
+def test_predictions_that_run_and_a_runner_that_is_gone_are_told(pebbles: Store) -> None:
+    experiments.ask_prediction(pebbles, 1, "monosized")
+    set_wishes(pebbles, requested_at=now() - HOUR, state="running", heartbeat=now())
+    app = home()
+    assert "1 mixture is being predicted." in [info.value for info in app.info]
+    assert not app.warning
+    set_wishes(pebbles, heartbeat=now() - HOUR)
+    assert [warning.value for warning in home().warning] == [watching.NOBODY]
+
+
+def set_wishes(target: Store, **values: Any) -> None:
+    with target.write() as session:
+        session.execute(sa.update(Prediction).values(values))
 
 
 def test_a_prediction_s_mixtures_stand_beside_their_measurements(predicted: Store) -> None:

@@ -72,7 +72,7 @@ def test_a_sweep_is_asked_for_watched_left_come_back_to_cancelled_and_asked_for_
     assert address(app, "aggregates") == ""
     app = view(sweep=wish)
     (bar,) = app.get("progress")
-    assert bar.proto.text.replace("\\", "").startswith("auto, queued")
+    assert bar.proto.text.replace("\\", "").startswith("auto, 1st in line")
     ran(app.button(key="cancel").click())
     assert experiments.waiting_sweep(stocked, wish) is None
     assert "cancelled" in said(app)
@@ -99,7 +99,7 @@ def test_a_runner_answers_the_wish_and_the_curve_of_two_is_drawn(stocked: Store,
     assert [(metric.label.replace("\\", ""), metric.value, metric.delta) for metric in app.metric] == [
         ("Densest mix, PD", f"{best.packing_density:.4f}", f"± {best.standard_error:.4f}"),
         ("± inputs", f"{best.input_error:.4f}", ""),
-        ("To gain elsewhere, at most", f"{best.to_gain:.4f}", ""),
+        ("To gain, at most", f"{best.to_gain:.4f}", ""),
         ("To test next, PD", f"{known.next_test.packing_density:.4f}", f"± {known.next_test.error:.4f}"),
     ]
     table = mixes(app)

@@ -145,7 +145,7 @@ def test_a_sweep_is_outdated_by_another_test_of_an_aggregate_a_newer_engine_or_a
         session.add(Run(specimen_hash="f" * 64, specimen="{}", engine_version=VERSION + 1, **facts))
     said = experiments.proportions(pebbles, kept).outdated
     assert [text.split(":")[0].split(",")[0] for text in said] == [
-        "pebbles F", f"of engine version {VERSION}", "mixtures of these aggregates were measured since",
+        "pebbles F", f"by an older engine (version {VERSION})", "mixtures of these aggregates were measured since",
     ]  # fmt: skip
     assert all("sweep again" in text for text in said)
 

@@ -34,7 +34,7 @@ def test_a_prediction_rests_on_calibrations_and_runs_of_its_own_engine_alone(old
 def test_results_of_an_older_engine_say_so(older: Store) -> None:
     assert [report.state for report in comparisons(older)] == ["done"] * 3
     for reports in (comparisons(older, 3), summaries(older, 3)):
-        assert all("of engine version 2; run 'pdlab refresh'" in report.message for report in reports)
+        assert all("by an older engine (version 2); run 'pdlab refresh'" in report.message for report in reports)
     assert [report.state for report in comparisons(older, 3)] == ["outdated"] * 3
     calibrate(older, FormulaRunner(older, 3), ["pebbles L"])  # from now on the store itself knows a newer engine
     assert [report.state for report in comparisons(older)] == ["outdated"] * 3

@@ -357,7 +357,7 @@ def test_a_prediction_of_an_older_engine_is_outdated(pebbles: Store) -> None:
     experiments.calibrate(pebbles, FormulaRunner(pebbles, 2), ["pebbles M"])
     for read in (of_mixture(pebbles), of_aggregate(pebbles)):
         assert report.STATES["outdated"] in read.text
-        assert "of engine version 1; run 'pdlab refresh'" in read.text
+        assert "by an older engine (version 1); run 'pdlab refresh'" in read.text
 
 
 def test_a_failed_prediction_says_why_and_shows_the_rest(pebbles: Store, tmp_path: Path) -> None:

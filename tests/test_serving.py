@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+import tomllib
 import urllib.request
 from contextlib import closing
 from http import HTTPStatus
@@ -14,6 +15,7 @@ import pytest
 from servers import free_port
 
 from pdlab import experiments
+from pdlab.cli import serving
 from pdlab.experiments import Way, register
 from pdlab.lab import SHIPPED
 from pdlab.models import Prediction
@@ -35,6 +37,15 @@ def answers(port: int, host: str) -> bool:
     with closing(HTTPConnection("127.0.0.1", port, timeout=10)) as reached:
         reached.request("GET", "/_stcore/stream", headers=asked)
         return reached.getresponse().status == HTTPStatus.SWITCHING_PROTOCOLS
+
+
+def test_what_the_configuration_of_a_clone_says_is_what_serve_says() -> None:
+    with (Path(__file__).parents[1] / ".streamlit" / "config.toml").open("rb") as file:
+        sections = tomllib.load(file)
+    sections |= {f"theme.{name}": values for name, values in sections.pop("theme").items()}
+    flags = [f"--{name}.{key}={value}" for name, values in sections.items() for key, value in values.items()]
+    told = {flag.replace("=True", "=true").replace("=False", "=false") for flag in flags}
+    assert told <= set(serving._pages("127.0.0.1", 8501))
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -74,6 +75,25 @@ def test_before_signing_in_nothing_of_the_store_is_read_or_shown_on_any_view(
         assert buttons(app) == ["Sign in"]
         assert [title.value for title in app.title] == ["pdlab"]
         assert not [*app.table, *app.dataframe, *app.text_input, *app.selectbox, *app.error]
+
+
+ASKED = [
+    ("%2Fmixtures%3Fmixture%3D2%26name%3Da%2Bb", True, ("mixtures", {"mixture": ["2"], "name": ["a b"]})),
+    ("%2Flab%2Faggregates", True, ("aggregates", {})),
+    ("%2Fmixtures%3Fmixture%3D2", False, None),
+    ("%2F", True, None),
+    ("%2F%2Felsewhere.example%2Fx", True, None),
+    ("", True, None),
+]
+
+
+@pytest.mark.parametrize(("cookie", "signed_in", "found"), ASKED)
+def test_the_view_that_was_asked_for_is_one_of_the_page_s_or_none(
+    monkeypatch: pytest.MonkeyPatch, cookie: str, signed_in: bool, found: object
+) -> None:
+    context = SimpleNamespace(cookies={signing_in.ASKED_FOR: cookie} if cookie else {})
+    monkeypatch.setattr(signing_in, "st", SimpleNamespace(user={"is_logged_in": signed_in}, context=context))
+    assert signing_in.asked_for(VIEWS) == found
 
 
 def test_who_has_signed_in_sees_the_page_and_can_sign_out(lab: Store) -> None:

@@ -111,7 +111,7 @@ def test_a_smaller_wished_error_takes_more_beds_and_is_met_or_said_not_to_be() -
     assert rough.densest.standard_error <= 0.003
     assert fine.densest.standard_error <= 0.0006
     short = Engine(parts, truth)
-    assert "4 beds were run" in finish(sweeping(parts, 0.0001, most_specimens=4), short).warnings[0]
+    assert "after 4 beds" in finish(sweeping(parts, 0.0001, most_specimens=4), short).warnings[0]
     assert len(short.asked) == 4
 
 

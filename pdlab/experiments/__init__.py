@@ -100,7 +100,7 @@ from pdlab.experiments.reports import PredictionReport
 from pdlab.experiments.sweeps import MeasuredMix, SweepReport, sweep_aggregates, to_sweep
 from pdlab.experiments.theories import Theoretical, by_theory
 from pdlab.experiments.verification import Verified, verify
-from pdlab.experiments.waiting import Pace, Waiting
+from pdlab.experiments.waiting import Pace, Waiting, nobody_works
 from pdlab.experiments.ways import METHODS, OTHERS, Way
 from pdlab.experiments.wishes import (
     Asked,
@@ -216,6 +216,7 @@ __all__ = [
     "mixture_document",
     "mixture_names",
     "newest_sweeps",
+    "nobody_works",
     "parity",
     "parity_csv",
     "parity_state",

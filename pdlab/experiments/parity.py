@@ -5,6 +5,7 @@ points, or how many lie in each cell of the parity plane.
 """
 
 import datetime as dt
+import hashlib
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -142,8 +143,9 @@ class Parity:
     or where there are too many those of the chosen cells; ``density``: None where all are points. ``states``: how many
     of all predictions that the filters leave are in each. ``with_warnings``: how many say something though done.
     ``listed``: rows of the columns LISTED, the newest first; ``chosen``: how many predictions were chosen, 0 for none.
-    ``open``: the names by id of mixtures that are measured and not predicted, so many in ``opened``; ``unmeasured``:
-    mixtures that are neither.
+    ``waiting``: the mixtures, by id, whose prediction waits for a runner ('queued') or is worked on ('running'). Of the
+    others ``open``: the names by id of mixtures that are measured and not predicted, so many in ``opened``;
+    ``unmeasured``: mixtures that are neither.
     """
 
     mixtures: int
@@ -158,6 +160,7 @@ class Parity:
     chosen: int
     opened: int
     unmeasured: int
+    waiting: dict[int, str] = field(default_factory=dict)
     open: dict[int, str] = field(default_factory=dict)
 
 
@@ -195,14 +198,16 @@ def parity(
             with_warnings=store.count_rows(session, "predictions", said, engine),
             listed=tuple(store.list_rows(session, "predictions", LISTED, where, NEWEST, most, engine)),
             chosen=len(chosen),
-            **_open(table),
+            **_open(table, store.waiting_mixtures(session)),
         )
 
 
 def parity_state(target: Store) -> str:
     """Return a text that is another one wherever ``parity`` may show something else than before."""
     with target.read() as session:
-        return f"{store.comparison_mark(session)} {store.newest_engine(session) or 0}"
+        wishes = repr(sorted(store.waiting_mixtures(session).items())).encode()
+        known = (store.comparison_mark(session), store.newest_engine(session) or 0, hashlib.sha256(wishes).hexdigest())
+        return " ".join(map(str, known))
 
 
 def parity_csv(target: Store, filters: Filters = Filters()) -> str:
@@ -358,9 +363,12 @@ def _at(values: Sequence[str], places: Iterable[Any]) -> tuple[str, ...]:
     return tuple(values[int(place)] for place in places)
 
 
-def _open(table: _Table) -> dict[str, Any]:
-    """Return which mixtures have no prediction, those that are measured by name."""
-    waiting, tested = table.method == "", ~np.isnan(table.measured)
-    places = np.flatnonzero(waiting & tested)
+def _open(table: _Table, asked: Mapping[int, str]) -> dict[str, Any]:
+    """Return which mixtures' predictions are asked for, and which have none, those that are measured by name."""
+    is_asked = np.isin(table.mixture_id, list(asked))
+    missing, tested = (table.method == "") & ~is_asked, ~np.isnan(table.measured)
+    places = np.flatnonzero(missing & tested)
     named = {int(table.mixture_id[place]): table.mixture[place] for place in places[:NAMED]}
-    return {"opened": int(places.size), "unmeasured": int((waiting & ~tested).sum()), "open": named}
+    waiting = {key: asked[key] for key in table.mixture_id[is_asked].tolist()}
+    counts = {"opened": int(places.size), "unmeasured": int((missing & ~tested).sum())}
+    return {**counts, "open": named, "waiting": waiting}

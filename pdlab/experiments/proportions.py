@@ -159,7 +159,7 @@ def _outdated(
     if stale := [fit.aggregate.name for fit in fits if is_stale(fit)]:
         out.append(f"{', '.join(sorted(stale))}: tested or sieved anew since, or corrected; sweep again")
     if row.engine_version is not None and newest is not None and row.engine_version < newest:
-        out.append(f"of engine version {row.engine_version}, and beds are of version {newest} now; sweep again")
+        out.append(f"by an older engine (version {row.engine_version}), now it is {newest}; sweep again")
     if not rests_on_measured(row, measured):
         out.append("mixtures of these aggregates were measured since: another may be the one to test next; sweep again")
     return out

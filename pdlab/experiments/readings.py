@@ -137,8 +137,8 @@ def doubts(aggregate: Aggregate, sieved: Grading, test: PackingTest | None = Non
     fines = grading.passing_at(sieved, COHESIVE)
     if fines > MOST_COHESIVE:
         out.append(
-            f"{100.0 * fines:.3g} % are finer than {COHESIVE:g} mm, more than {100.0 * MOST_COHESIVE:g} %: cohesion, "
-            "which no bed here has, lowers their packing density"
+            f"{100.0 * fines:.3g} % are finer than {COHESIVE:g} mm, more than {100.0 * MOST_COHESIVE:g} %: they "
+            "stick to each other (cohesion), which is not simulated, and pack looser than predicted"
         )
     return out if test is None else out + _disagreement(aggregate, test)
 
@@ -149,14 +149,14 @@ def _doubts_of_test(aggregate: Aggregate, sieved: Grading, test: PackingTest) ->
         out.append("the density test's compaction is not stated: it is simulated as loose")
     if test.container_diameter_mm is not None and test.container_diameter_mm < NARROW * coarsest:
         out.append(
-            f"the container is {test.container_diameter_mm / coarsest:.3g} of the largest size wide, less than "
-            f"{NARROW:g}: the wall's effect on the measured PD lies in the friction coefficient"
+            f"the container is {test.container_diameter_mm / coarsest:.3g} times as wide as the largest grain, less "
+            f"than {NARROW:g}: its wall loosens the packing, which is taken for friction; test in a wider one"
         )
     absorbed = aggregate.water_absorption_percent or 0.0
     if (test.moisture_percent or 0.0) > absorbed:
         out.append(
             f"the tested material held {test.moisture_percent:g} % of water, more than the {absorbed:g} % it absorbs: "
-            "bulking, which no bed here knows, lowers its packing density"
+            "moist grains pack looser (bulking), which is taken for friction; test it dry"
         )
     return out
 
@@ -229,7 +229,7 @@ def older_engine(version: int | None, newest: int | None) -> str:
     """Return what to say of a result of an older engine than the ``newest``; empty where it is none."""
     if version is None or newest is None or version >= newest:
         return ""
-    return f"of engine version {version}; run 'pdlab refresh'"
+    return f"by an older engine (version {version}); run 'pdlab refresh'"
 
 
 @dataclass(frozen=True)

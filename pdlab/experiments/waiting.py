@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from pdlab import store
 from pdlab.models import Calibration, Prediction, Sweep, now
-from pdlab.store import LEASE, Key
+from pdlab.store import LEASE, Key, Store
 
 Wished = Calibration | Prediction | Sweep
 
@@ -21,7 +21,8 @@ class Waiting:
 
     ``left``: seconds that it will take at most, at the pace since it was asked for, None where there is none yet.
     Of these it may have waited for a runner; ``Pace`` tells better what it looks at for a while.
-    ``attended``: whether it may be waited for; False where no runner's heartbeat is there.
+    ``attended``: whether it may be waited for; False where no runner's heartbeat is there. ``before``: how many wishes
+    a runner takes up before it, where it is queued.
     """
 
     key: Key
@@ -30,6 +31,7 @@ class Waiting:
     progress: float
     left: float | None = None
     attended: bool = True
+    before: int = 0
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,15 @@ class Pace:
 
 def waiting_of(session: Session, key: Key, row: Wished) -> Waiting:
     """Return how far a wish is that has not ended."""
-    return Waiting(key, row.method, row.state, row.progress, _left(row), _is_attended(session, row))
+    before = store.wishes_before(session, key[0], row) if row.state == "queued" else 0
+    return Waiting(key, row.method, row.state, row.progress, _left(row), _is_attended(session, row), before)
+
+
+def nobody_works(target: Store) -> bool:
+    """Return whether something is wished for that no runner works on, nor on anything before it."""
+    with target.read() as session:
+        since = store.waits_since(session)
+        return since is not None and not _may_be_taken_up(session, since)
 
 
 def _left(row: Wished) -> float | None:
@@ -75,4 +85,8 @@ def _left(row: Wished) -> float | None:
 def _is_attended(session: Session, row: Wished) -> bool:
     if row.state == "running":
         return row.heartbeat is not None and now() - row.heartbeat <= dt.timedelta(seconds=LEASE)
-    return now() - row.requested_at < dt.timedelta(seconds=PATIENCE) or store.is_attended(session)
+    return _may_be_taken_up(session, row.requested_at)
+
+
+def _may_be_taken_up(session: Session, asked: dt.datetime) -> bool:
+    return now() - asked < dt.timedelta(seconds=PATIENCE) or store.is_attended(session)

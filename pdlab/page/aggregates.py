@@ -10,7 +10,7 @@ from pdlab.experiments import Summary
 from pdlab.grading import Grading, indices, interpolated_sieves, retained_percents
 from pdlab.page import greeting, links
 from pdlab.page.gradings import compare
-from pdlab.page.wording import MISSING, begun, digits, plain
+from pdlab.page.wording import MISSING, begun, digits, plain, pressed
 from pdlab.quantities import QUANTITIES, heading
 from pdlab.store import Store
 
@@ -106,7 +106,7 @@ def _say(chosen: Sequence[Summary]) -> None:
                 links.link(words.format(name), address, sign, aggregate=str(one.aggregate_id))
     for one in chosen:
         if one.message:
-            st.warning(plain(f"{one.name}: {one.message}"))
+            st.warning(plain(f"{one.name}: {pressed(one.message, 'Calibrate')}"))
 
 
 def _compare(gradings: Mapping[str, Grading]) -> None:

@@ -21,7 +21,7 @@ from pdlab.page import (
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
-HOME = "predicted-vs-measured"
+HOME, IN_BAR = "predicted-vs-measured", "Home"  # a bar of six titles is whole on a tablet
 VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
     HOME: ("Predicted against measured", predicted_vs_measured.show),
     "aggregates": ("Aggregates", aggregates.show),
@@ -60,13 +60,20 @@ def main() -> None:
         refused = str(error)
     pages = {address: _page(address, target, refused) for address in VIEWS}
     links.keep(pages)
-    entrance = st.Page(lambda: links.go(HOME), title="pdlab", url_path="entrance", default=True, visibility="hidden")
+    entrance = st.Page(_enter, title="pdlab", url_path="entrance", default=True, visibility="hidden")
     st.navigation([entrance, *pages.values()], position="hidden" if target is None else "top").run()
+
+
+def _enter() -> None:
+    """Go on to the view that was asked for before a sign-in, else home."""
+    address, query = signing_in.asked_for(VIEWS) or (HOME, {})
+    links.go(address, **query)
 
 
 def _page(address: str, target: Store | None, refused: str) -> StreamlitPage:
     title, show = VIEWS[address]
-    return st.Page(partial(_draw, title, show, target, refused), title=title, url_path=address)
+    short = IN_BAR if address == HOME else title
+    return st.Page(partial(_draw, title, show, target, refused), title=short, url_path=address)
 
 
 def _draw(title: str, show: Callable[[Store], None], target: Store | None, refused: str) -> None:

@@ -8,7 +8,7 @@ from pdlab import charts, experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import Explained
 from pdlab.page import choosing, greeting, lab_report, watching
-from pdlab.page.wording import begun, plain
+from pdlab.page.wording import begun, plain, pressed
 from pdlab.quantities import label
 from pdlab.store import Store
 
@@ -32,12 +32,13 @@ def show(target: Store) -> None:
         watching.watch(target, waiting, partial(experiments.waiting_calibration, target, chosen))
     _result(known)
     if known.curve is None and known.measured is not None:
-        st.info("No bed of its curve is simulated yet.")
+        st.info("Nothing of its curve is simulated yet: press 'Calibrate'.")
     elif known.curve is not None:
         st.plotly_chart(charts.calibration_curve(known, known.curve), key="curve")
+        upright = "Upright: the coefficient's interval, where the curve lies within that error. "
         st.caption(
-            "Across: the measured value ± its error. Upright: the coefficient's interval, where the curve lies within "
-            "that error. The axis is spaced by the root of the coefficient."
+            f"Across: the measured value ± its error. {upright if known.value is not None else ''}"
+            "The axis is spaced by the root of the coefficient."
         )
     lab_report.offer(known.name, partial(report.aggregate, target, chosen))
 
@@ -49,17 +50,15 @@ def _choose(target: Store) -> int | None:
     if not known:
         greeting.show(target, "The store holds no aggregate yet.")
         return None
-    for key in asked:
-        st.session_state.setdefault(CHOSEN, key)
+    choosing.recall("aggregate", CHOSEN)
     chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
-    st.query_params["aggregate"] = str(chosen)
-    return chosen
+    return choosing.keep("aggregate", CHOSEN, chosen)
 
 
 def _result(known: Explained) -> None:
     """Say the coefficient with its interval, the method and why, or why there is no calibration."""
     if known.message:
-        st.warning(plain(begun(known.message)))
+        st.warning(plain(begun(pressed(known.message, "Calibrate"))))
     if known.value is not None and known.curve is not None:
         first, second = st.columns(2)
         low, high = ("beyond the end" if end is None else f"{end:.4f}" for end in (known.low, known.high))
@@ -76,7 +75,7 @@ def _result(known: Explained) -> None:
         tried = "Method" if known.value is not None else "Method tried"
         st.markdown(plain(f"{tried}: {known.method}, {known.why}."))
     for note in known.notes:
-        st.caption(plain(begun(note)))
+        st.caption(plain(begun(pressed(note, "Calibrate"))))
 
 
 def _ask(target: Store, chosen: int) -> None:
@@ -85,6 +84,6 @@ def _ask(target: Store, chosen: int) -> None:
     method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Calibrate", type="primary", key="calibrate"):
         if refused := experiments.ask_calibration(target, chosen, method):
-            st.error(plain(refused))
+            st.error(plain(pressed(refused)))
         else:
             st.rerun()

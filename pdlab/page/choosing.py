@@ -77,3 +77,22 @@ def asked_ids(name: str, kind: str = "") -> list[int]:
         st.warning(plain(f"'{text}' in the address is no {kind or name}; choose one."))
         return []
     return [one for one in ids if one is not None]
+
+
+def recall(name: str, place: str, others: Collection[str] = ()) -> None:
+    """Choose in a place what the address gives by a name; else what was chosen there before another view.
+
+    The way back leads over addresses that hold what the other view was asked for. ``others``: names by which the
+    address asks for something else than what was chosen.
+    """
+    kept = [] if any(one in st.query_params for one in others) else st.session_state.get(f"kept_{place}", [])
+    for key in (asked_ids(name) or kept)[:1]:
+        st.session_state.setdefault(place, key)
+
+
+def keep(name: str, place: str, chosen: int, new: int | None = None) -> int:
+    """Keep what is chosen in a place for the way back, and in the address unless it is ``new``; return it."""
+    st.session_state[f"kept_{place}"] = [chosen]
+    if chosen != new:
+        links.tell({name: str(chosen)})
+    return chosen

@@ -10,7 +10,7 @@ from pdlab.experiments import Composed
 from pdlab.page import choosing, links, unsaved
 from pdlab.page.gradings import compare
 from pdlab.page.unsaved import BASES, BASIS, NAME, PARTS
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.store import Store
 
 MIXTURE = "mixture"  # the key of the mixture that is shown
@@ -38,7 +38,7 @@ def show(target: Store) -> None:
     try:
         composed = experiments.compose(target, ids, shares, basis == BASES[1])
     except InputError as error:
-        st.error(plain(str(error)))
+        st.error(plain(pressed(str(error))))
         return
     say_unsieved(composed)
     if st.button("Save the mixture", type="primary", key="save"):
@@ -47,11 +47,15 @@ def show(target: Store) -> None:
         compare(composed.gradings, composed.combined)
 
 
-def fill(ids: Sequence[int], shares: Sequence[float]) -> None:
-    """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next."""
+def fill(ids: Sequence[int], shares: Sequence[float]) -> dict[str, str]:
+    """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next.
+
+    Returns what its address says.
+    """
     st.session_state.update({MIXTURE: NEW, PARTS: list(ids), BASIS: BASES[0]})
     for k, share in enumerate(shares):
         st.session_state[unsaved.share_key(k, ids)] = f"{100.0 * share:.6g}"
+    return unsaved.words()
 
 
 def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ...] | None:
@@ -86,7 +90,7 @@ def _save(target: Store, name: str, ids: Sequence[int], shares: Sequence[float],
         st.session_state[links.OPEN] = experiments.register_mixture(target, name, ids, shares, by_mass)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
-            st.error(plain(sentence))
+            st.error(plain(pressed(sentence)))
         return
-    unsaved.put_away(saved=True)
+    unsaved.forget()
     st.rerun()

@@ -8,11 +8,11 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import density, tables
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import TEST_TEXTS, TestRead
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.quantities import QUANTITIES, heading
 
 COUNT = "density_tests"
-KIND_LABELS = {kind: heading(kind) for kind in tables.DENSITY_KINDS}
+KIND_LABELS = {kind: QUANTITIES[kind].short for kind in tables.DENSITY_KINDS}  # the unit stands with the value
 UNITS = {kind: f" [{QUANTITIES[kind].unit}]" if QUANTITIES[kind].unit else "" for kind in tables.DENSITY_KINDS}
 CHOICES = {"kind": tables.DENSITY_KINDS[0], "compaction": COMPACTIONS[0]}
 
@@ -59,7 +59,7 @@ def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None
     """Say what a density test means, or what is wrong with it but for what is ``said`` already, within its frame."""
     for sentence in read.wrong:
         if sentence not in said:
-            box.error(plain(sentence))
+            box.error(plain(pressed(sentence)))
     if read.measured is None:
         return
     left, right = box.columns([2, 1])
@@ -67,7 +67,7 @@ def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None
     left.metric("Packing density", f"{packing:.4f} ± {read.measured.standard_error:.4f}")
     right.metric(heading("voids_percent").capitalize(), f"{density.voids_percent(packing):.1f}")
     for warning in read.measured.warnings:
-        box.caption(plain(warning))
+        box.caption(plain(pressed(warning)))
 
 
 def _key(k: int, name: str) -> str:

@@ -9,6 +9,7 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import STATES, Filters
+from pdlab.page import links
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
@@ -28,9 +29,7 @@ def ask(target: Store) -> Filters:
     _draw(target)
     now = {key: st.session_state[key] for key in EMPTY}
     st.session_state[KEPT] = now
-    wanted = {key: _written(value) for key, value in now.items() if value}
-    if {key: st.query_params.get_all(key) for key in st.query_params} != wanted:  # each writing is a step back
-        st.query_params.from_dict(wanted)
+    links.tell({key: _written(value) for key, value in now.items() if value})
     return Filters(
         now[TEXT], tuple(now["holds"]), tuple(now["compaction"]), now["since"], now["until"], tuple(now["method"]),
         tuple(now["state"]),

@@ -1,6 +1,6 @@
 """Ways from one view to another, and what is said there on arrival."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NoReturn
 
 import streamlit as st
@@ -8,7 +8,7 @@ from streamlit.navigation.page import StreamlitPage
 
 from pdlab import experiments
 from pdlab.errors import PdlabError
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 
 PAGES, SAID, REFUSED = "pages", "said", "refused"
 DIGITS = 9  # of an id at most: what a database takes as one
@@ -30,7 +30,14 @@ def number(text: str) -> int | None:
     return int(text) if text.isdecimal() and len(text) <= DIGITS else None
 
 
-def go(address: str, sentence: str = "", **query: str) -> NoReturn:
+def tell(query: Mapping[str, str | Sequence[str]]) -> None:
+    """Have the address say this behind its question mark, and nothing else; each writing is a step back."""
+    wanted = {key: [value] if isinstance(value, str) else list(value) for key, value in query.items()}
+    if {key: st.query_params.get_all(key) for key in st.query_params} != wanted:
+        st.query_params.from_dict(wanted)
+
+
+def go(address: str, sentence: str = "", /, **query: str | Sequence[str]) -> NoReturn:
     """Open the view at an address and say a sentence there."""
     if sentence:
         st.session_state[SAID] = sentence
@@ -48,6 +55,6 @@ def attempt(call: Callable[..., object], *args: object) -> None:
 def said() -> None:
     """Say the sentence that another view has left, or why an attempt was refused, once."""
     for sentence in st.session_state.pop(REFUSED, ()):
-        st.error(plain(sentence))
+        st.error(plain(pressed(sentence)))
     if sentence := st.session_state.pop(SAID, ""):
         st.success(plain(sentence))

@@ -12,7 +12,7 @@ from pdlab.page import choosing, composing, lab_report, links, unsaved, watching
 from pdlab.page.composing import MIXTURE, NEW
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.store import Store
 
 LISTED = 200  # mixtures to choose from
@@ -44,17 +44,11 @@ def _choose(target: Store) -> int:
     known = {NEW: "a new mixture"} | experiments.mixture_names(target, LISTED)
     if links.OPEN in st.session_state:  # one that was saved a moment ago
         st.session_state[MIXTURE] = st.session_state.pop(links.OPEN)
-    for key in choosing.asked_ids("mixture")[:1]:
-        st.session_state.setdefault(MIXTURE, key)
+    choosing.recall("mixture", MIXTURE, unsaved.WORDS)
     if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"mixture {kept}"
     chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)
-    if chosen != NEW:
-        st.query_params["mixture"] = str(chosen)
-        unsaved.put_away()
-    elif "mixture" in st.query_params:
-        del st.query_params["mixture"]
-    return chosen
+    return choosing.keep("mixture", MIXTURE, chosen, NEW)
 
 
 def _wish(target: Store, chosen: int) -> None:
@@ -72,7 +66,7 @@ def _ask(target: Store, chosen: int) -> None:
     method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Predict", type="primary", key="predict"):
         if refused := experiments.ask_prediction(target, chosen, method):
-            st.error(plain(refused))
+            st.error(plain(pressed(refused)))
         else:
             st.rerun()
 

@@ -10,7 +10,7 @@ from pdlab.errors import PdlabError, UnknownName
 from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS, EnteredAggregate, SievesRead
 from pdlab.grading import equivalent_diameter
 from pdlab.page import density_tests, links, sieve_table
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
 
@@ -46,7 +46,7 @@ def show(target: Store) -> None:
     with right:
         _grading(read.sieves, texts["kind"])
     for sentence in read.wrong:
-        about.error(plain(sentence))
+        about.error(plain(pressed(sentence)))
     for box, test in zip(boxes, read.tests, strict=True):
         density_tests.say(box, test, read.wrong)
     _keep(target, entered)
@@ -123,10 +123,10 @@ def _grading(read: SievesRead, kind: str) -> None:
         return
     _rows(read, heading(kind))
     for sentence in read.wrong:
-        st.error(plain(sentence))
+        st.error(plain(pressed(sentence)))
     if read.grading is not None:
         for warning in read.grading.warnings:
-            st.warning(plain(warning))
+            st.warning(plain(pressed(warning)))
         st.plotly_chart(charts.grading_curve({"grading": read.grading}), key="curve")
         st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(read.grading):.4g} mm")
 
@@ -142,7 +142,7 @@ def _rows(read: SievesRead, values: str) -> None:
             "sieve [mm]": [plain(_sieve(row.text, aperture)) for row, aperture in zip(rows, apertures, strict=True)],
             values: [f"{row.row.value:g}" if row.row else "" for row in rows],
             "passing [%]": [f"{100.0 * passing[a]:.1f}" if a in passing else "" for a in apertures],
-            "what is wrong": [plain(row.error or "") for row in rows],
+            "what is wrong": [plain(pressed(row.error or "")) for row in rows],
         }
     )
     wrong = any(row.error for row in rows)
@@ -176,7 +176,7 @@ def _save(target: Store, entered: EnteredAggregate) -> None:
         experiments.register_entered(target, entered)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
-            st.error(plain(sentence))
+            st.error(plain(pressed(sentence)))
         return
     if number := st.session_state.pop(OPEN):
         experiments.delete_draft(target, int(number))

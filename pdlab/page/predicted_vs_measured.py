@@ -1,5 +1,6 @@
 """Predicted against measured: how far predictions are off, and each mixture's beside its measurement."""
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -11,7 +12,7 @@ import streamlit as st
 from pdlab import charts, experiments
 from pdlab.comparison import Figure
 from pdlab.experiments import LISTED, Cell, Filters, Judged, Parity
-from pdlab.page import filters, greeting, links, picking
+from pdlab.page import filters, greeting, links, picking, watching
 from pdlab.page.wording import plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
@@ -24,6 +25,7 @@ HEADINGS = {
     "measured_error": heading("measured_error"), "difference": heading("difference"), "compaction": "compaction",
     "tested": "tested", "state": "state", "message": "what there is to say",
 }  # fmt: skip
+WAITING = {"running": "being predicted", "queued": "waiting for the runner"}
 NUMBERS = ("packing_density", "expected_error", "measured", "measured_error", "difference")
 
 
@@ -51,6 +53,7 @@ def show(target: Store) -> None:
         with st.container(width=BESIDE):
             _believe(asked, found)
             _say(found)
+            _waiting(target, found)
     _methods(found)
     _list(target, asked, found)
 
@@ -131,6 +134,16 @@ def _say(found: Parity) -> None:
         st.caption(f"{found.unmeasured} more: neither measured nor predicted.")
 
 
+def _waiting(target: Store, found: Parity) -> None:
+    """Say how many predictions are on their way, or that they are not."""
+    counts = Counter(found.waiting.values())
+    for state, words in WAITING.items():
+        if count := counts[state]:
+            st.info(f"{count} {'mixture is' if count == 1 else 'mixtures are'} {words}.")
+    if counts and experiments.nobody_works(target):
+        st.warning(watching.NOBODY)
+
+
 def _methods(found: Parity) -> None:
     """Show each method's errors beside what takes no simulation."""
     if not found.judged:
@@ -194,6 +207,8 @@ def _list(target: Store, asked: Filters, found: Parity) -> None:
         st.caption(f"The first {ROWS}; the file holds all that meet the filters.")
     frame = pd.DataFrame(found.listed, columns=list(LISTED))
     frame["message"] = frame["message"].map(pressed, na_action="ignore")
+    waiting = frame["mixture_id"].where(frame["state"] == "open").map(found.waiting).map(WAITING)
+    frame["message"] = waiting.fillna(frame["message"])
     picking.show_rows(frame["mixture_id"].tolist())
     columns: dict[str, Any] = {HEADINGS[name]: st.column_config.NumberColumn(format="%.4f") for name in NUMBERS}
     columns[HEADINGS["message"]] = st.column_config.TextColumn(width="large")

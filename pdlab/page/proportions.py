@@ -11,7 +11,7 @@ from pdlab import charts, experiments
 from pdlab.errors import PdlabError, UnknownName
 from pdlab.experiments import ListedSweep, Proportions
 from pdlab.page import choosing, composing, links, watching
-from pdlab.page.wording import plain
+from pdlab.page.wording import plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
 from pdlab.sweep import Swept
@@ -42,7 +42,7 @@ def show(target: Store) -> None:
         st.markdown(plain(f"Sweep of {' + '.join(known.names)}"))
         watching.watch(target, waiting, partial(experiments.waiting_sweep, target, chosen))
     elif known.result is None:
-        st.warning(plain(known.message or f"The sweep is {known.state}."))
+        st.warning(plain(pressed(known.message or f"The sweep is {known.state}.")))
         _again(target, known)
     else:
         _outdated(target, known)
@@ -54,16 +54,11 @@ def _choose(target: Store) -> int:
     known = {NEW: "a new sweep"} | {one.sweep_id: _title(one) for one in experiments.newest_sweeps(target, LISTED)}
     if OPEN in st.session_state:  # one that was asked for a moment ago
         st.session_state[SWEEP] = st.session_state.pop(OPEN)
-    for key in choosing.asked_ids(SWEEP)[:1]:
-        st.session_state.setdefault(SWEEP, key)
+    choosing.recall(SWEEP, SWEEP, (AGGREGATES,))
     if (kept := st.session_state.get(SWEEP, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"sweep {kept}"
     chosen: int = st.selectbox("Sweep", list(known), format_func=known.__getitem__, key=SWEEP)
-    if chosen != NEW:
-        st.query_params.from_dict({SWEEP: str(chosen)})
-    elif SWEEP in st.query_params:
-        del st.query_params[SWEEP]
-    return chosen
+    return choosing.keep(SWEEP, SWEEP, chosen, NEW)
 
 
 def _title(one: ListedSweep) -> str:
@@ -83,9 +78,9 @@ def _new(target: Store) -> None:
         "A sweep looks for the densest mix: it calibrates each aggregate, then simulates the proportions that tell "
         "most, up to 12 beds of spheres of two aggregates, 30 of three, 50 of four, 70 of five."
     )
+    links.tell({AGGREGATES: ",".join(map(str, ids))} if ids else {})
     if not ids:
         return
-    st.query_params[AGGREGATES] = ",".join(map(str, ids))
     left, right = st.columns([1, 1], vertical_alignment="bottom")
     method = left.selectbox("Method", choosing.WAYS, key="way", help=choosing.WAYS_HELP)
     if right.button("Sweep", type="primary", key="ask"):
@@ -97,7 +92,7 @@ def _ask(target: Store, ids: Sequence[int], method: str) -> None:
     try:
         st.session_state[OPEN] = experiments.ask_proportions(target, ids, method)
     except PdlabError as error:
-        st.error(plain(str(error)))
+        st.error(plain(pressed(str(error))))
         return
     st.rerun()
 
@@ -123,7 +118,8 @@ def _result(known: Proportions, result: Swept) -> None:
                  delta_arrow="off", help="± of the simulation: beds and calibration curves.")  # fmt: skip
     second.metric(heading("input_error").capitalize(), f"{best.input_error:.4f}",
                   help="Error from the measured packing densities of the aggregates.")  # fmt: skip
-    third.metric("To gain elsewhere, at most", f"{best.to_gain:.4f}", help="In PD, with a probability of 0.95.")
+    third.metric("To gain, at most", f"{best.to_gain:.4f}",
+                 help="In PD, at other proportions than the densest found, with a probability of 0.95.")  # fmt: skip
     if test is not None:
         fourth.metric("To test next, PD", f"{test.packing_density:.4f}", f"± {test.error:.4f}", delta_color="off",
                       delta_arrow="off", help="± of simulation, inputs and method.")  # fmt: skip
@@ -131,7 +127,7 @@ def _result(known: Proportions, result: Swept) -> None:
     st.plotly_chart(_figure(known, result), key="proportions")
     _captions(known)
     for text in result.warnings:
-        st.warning(plain(text))
+        st.warning(plain(pressed(text)))
 
 
 def _mixes(known: Proportions, result: Swept) -> None:
@@ -169,8 +165,7 @@ def _put_together(title: str, key: str, ids: Sequence[int], shares: Sequence[flo
     if len(used) < choosing.LEAST:
         st.caption("It is one aggregate alone: there is nothing to put together.")
     elif st.button(title, key=f"together_{key}"):
-        composing.fill(*zip(*used, strict=True))
-        links.go("mixtures")
+        links.go("mixtures", **composing.fill(*zip(*used, strict=True)))
 
 
 def _figure(known: Proportions, result: Swept) -> go.Figure:

@@ -3,9 +3,10 @@
 import importlib.util
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, unquote, urlsplit
 
 import streamlit as st
 from streamlit import config
@@ -20,6 +21,8 @@ OF_PROVIDER = ("client_id", "client_secret", "server_metadata_url")
 CALLBACK = "/oauth2callback"
 SECRET = 32  # characters of a cookie_secret at least: who guesses it signs in as anybody
 MODULES = ("authlib", "httpx")
+ASKED_FOR = "pdlab_asked_for"  # a cookie: whoever has signed in comes to the page's root, in a new session
+KEEP = "<script>document.cookie='{}=' + {} + '; path=/; max-age={}; SameSite=Lax'</script>"
 REQUIRED = "PDLAB_SIGN_IN"  # set with a sign-in, and by a page that has seen one: without one the page stays closed
 
 
@@ -42,6 +45,21 @@ def ask() -> None:
     for name in providers(_section() or {}):
         words = "Sign in" if name is None else f"Sign in with {name}"
         st.button(plain(words), type="primary", on_click=st.login, args=(name,), key=f"sign_in_{name or ''}")
+    _keep("encodeURIComponent(location.pathname + location.search)", seconds=900)
+
+
+def asked_for(addresses: Container[str]) -> tuple[str, dict[str, list[str]]] | None:
+    """Return which of the views' addresses was asked for before the sign-in, and its query."""
+    if not st.user.get("is_logged_in", False):
+        return None
+    asked = urlsplit(unquote(st.context.cookies.get(ASKED_FOR, "")))
+    address = asked.path.rpartition("/")[2]
+    return (address, parse_qs(asked.query)) if address in addresses else None
+
+
+def _keep(value: str, seconds: int) -> None:
+    """Keep the value of a JavaScript expression in the cookie."""
+    st.html(KEEP.format(ASKED_FOR, value, seconds), width="content", unsafe_allow_javascript=True)
 
 
 def say() -> None:
@@ -51,6 +69,8 @@ def say() -> None:
     with st.container(horizontal=True, horizontal_alignment="right", vertical_alignment="center"):
         st.text(f"Signed in as {who()}", width="content")  # as Markdown an address would be a link
         st.button("Sign out", on_click=st.logout, key="sign_out", type="tertiary")
+        if ASKED_FOR in st.context.cookies:  # told once
+            _keep("''", seconds=0)
 
 
 def who() -> str:

@@ -3,7 +3,7 @@
 It survives a reload and can be sent as a link; within a session it is there again after another view.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import streamlit as st
 
@@ -56,9 +56,9 @@ def _ids(text: str, most: int) -> list[int]:
     return ids
 
 
-def keep() -> None:
-    """Keep what stands in the form in the address and for the session."""
-    ids, name = st.session_state[PARTS], st.session_state[NAME].strip()
+def words() -> dict[str, str]:
+    """Return what the address says of what stands in the form."""
+    ids, name = st.session_state[PARTS], st.session_state.get(NAME, "").strip()
     shares = [st.session_state.get(share_key(k, ids), "") for k in range(len(ids) - 1)]
     told = {
         "parts": ",".join(map(str, ids)),
@@ -66,21 +66,15 @@ def keep() -> None:
         "name": name,
         "by": "mass" if ids and st.session_state[BASIS] == BASES[1] else "",
     }
-    said = {word: text for word, text in told.items() if text}
-    st.session_state[KEPT] = said
-    _tell(said)
+    return {word: text for word, text in told.items() if text}
 
 
-def put_away(saved: bool = False) -> None:
-    """Take an unsaved mixture out of the address; out of the session too where it was ``saved``."""
-    _tell({})
-    if saved:
-        st.session_state.pop(KEPT, None)
+def keep() -> None:
+    """Keep what stands in the form in the address and for the session."""
+    st.session_state[KEPT] = words()
+    links.tell(st.session_state[KEPT])
 
 
-def _tell(said: Mapping[str, str]) -> None:
-    for word in WORDS:
-        if word not in said and word in st.query_params:
-            del st.query_params[word]
-        elif word in said and st.query_params.get(word) != said[word]:
-            st.query_params[word] = said[word]
+def forget() -> None:
+    """Keep no longer what has been saved."""
+    st.session_state.pop(KEPT, None)

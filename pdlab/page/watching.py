@@ -14,8 +14,8 @@ from pdlab.store import Store
 TICK = 2.0  # seconds between looks at a wish
 Look = Callable[[], Waiting | None]
 NOBODY = (
-    "No runner is at work, so nothing will come of it yet: start one with `pdlab runner`, or `pdlab serve`, on this "
-    "store. What was asked for is kept."
+    "No runner is at work, so nothing is predicted or calibrated now: start one in a terminal, by `pdlab runner` or "
+    "`pdlab serve`, on this store. What was asked for is kept."
 )
 
 
@@ -38,10 +38,11 @@ def _progress(look: Look) -> None:
         return
     if waiting is None:
         st.rerun()
-    said = "queued: it begins when a runner takes it up" if waiting.state == "queued" else "running"
-    text = f"{waiting.method}, {said}, {100.0 * waiting.progress:.0f} %"
-    text += _left(waiting)
-    st.progress(waiting.progress, text=plain(text))
+    if waiting.state == "queued":
+        said = f"{ordinal(waiting.before + 1)} in line: it begins when a runner is free"
+    else:
+        said = f"running, {100.0 * waiting.progress:.0f} %{_left(waiting)}"
+    st.progress(waiting.progress, text=plain(f"{waiting.method}, {said}"))
     if not waiting.attended:
         st.warning(NOBODY)
 
@@ -51,9 +52,15 @@ def _left(waiting: Waiting) -> str:
     key = f"pace_{waiting.key}"
     pace = st.session_state.get(key, Pace(waiting.progress)).look(time.monotonic(), waiting.progress)
     st.session_state[key] = pace
-    if waiting.state == "running" and pace.left is not None:
+    if pace.left is not None:
         return f", about {duration(pace.left)} left"
     return "" if waiting.left is None else f", at most {duration(waiting.left)} left"
+
+
+def ordinal(number: int) -> str:
+    """Return a place in line as it is said: 1st, 2nd, 3rd, 11th, 22nd."""
+    ends = {1: "st", 2: "nd", 3: "rd"} if number % 100 not in (11, 12, 13) else {}
+    return f"{number}{ends.get(number % 10, 'th')}"
 
 
 def duration(seconds: float) -> str:

@@ -2,7 +2,19 @@
 
 import re
 
+from pdlab.grading import KINDS
+from pdlab.quantities import QUANTITIES
+from pdlab.tables import DENSITY_KINDS
+
 MISSING = "–"  # stands in a table where a value is missing
+
+LABELS = {name: QUANTITIES[name].short for name in (*DENSITY_KINDS, *KINDS)} | {
+    "particle_density_kg_m3": "particle density", "density_basis": "its basis", "repose_angle_deg": "repose angle",
+    "wall_angle_deg": "slip angle", "water_absorption_percent": "absorption", "moisture_percent": "moisture",
+    "standard_deviation": "deviation", "container_diameter_mm": "container Ø", "container_height_mm": "its height",
+    "solid_volume_share": "shares by solid volume",
+}  # fmt: skip
+"""What forms call the columns of tables."""
 
 
 def plain(text: str) -> str:
@@ -10,9 +22,10 @@ def plain(text: str) -> str:
     return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", text)
 
 
-def pressed(text: str) -> str:
-    """Return what is said of a prediction with the page's button in place of the command that does the same."""
-    return re.sub(r"run 'pdlab (predict|refresh)'", "press 'Predict'", text)
+def pressed(text: str, button: str = "Predict") -> str:
+    """Return a sentence with the page's button and labels in place of a command and a table's columns."""
+    labelled = re.sub(rf"\b({'|'.join(LABELS)})\b", lambda found: LABELS[found[0]], text)
+    return re.sub(r"run 'pdlab (predict|refresh)'", f"press '{button}'", labelled)
 
 
 def digits(value: float) -> str:

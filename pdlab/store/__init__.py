@@ -76,8 +76,11 @@ from pdlab.store.wishes import (
     is_attended,
     release,
     waiting_calibration,
+    waiting_mixtures,
     waiting_prediction,
+    waits_since,
     wish_states,
+    wishes_before,
 )
 
 __all__ = [
@@ -168,8 +171,11 @@ __all__ = [
     "swept",
     "upgrade",
     "waiting_calibration",
+    "waiting_mixtures",
     "waiting_prediction",
     "waiting_sweeps",
+    "waits_since",
     "wish_states",
+    "wishes_before",
     "with_descent",
 ]

@@ -131,7 +131,9 @@ def _corrections() -> _List:
 
 def _older(of_result: Column, engine_version: int) -> Column:
     """Return what to say of a result of an older engine; missing where it is none."""
-    text = sa.literal("of engine version ") + sa.cast(of_result, sa.Text) + sa.literal("; run 'pdlab refresh'")
+    text = (
+        sa.literal("by an older engine (version ") + sa.cast(of_result, sa.Text) + sa.literal("); run 'pdlab refresh'")
+    )
     return sa.case((of_result < engine_version, text))
 
 

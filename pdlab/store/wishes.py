@@ -219,6 +219,34 @@ def waiting_prediction(session: Session, mixture_id: int) -> Prediction | None:
     return session.scalars(query.order_by(Prediction.id.desc()).limit(1)).first()
 
 
+def waiting_mixtures(session: Session) -> dict[int, str]:
+    """Return the mixtures whose prediction waits or is worked on, with the state of its wish; no variant."""
+    waiting = sa.and_(Prediction.state.in_(WAITING), Prediction.variant == "")
+    found = sa.select(Prediction.mixture_id, sa.func.max(Prediction.state)).where(waiting)  # 'running' after 'queued'
+    return dict(session.execute(found.group_by(Prediction.mixture_id)).all())
+
+
+def wishes_before(session: Session, kind: str, row: Calibration | Prediction | Sweep) -> int:
+    """Return how many wishes wait that a runner claims before this one, which waits too."""
+    count = 0
+    for name, table in KINDS.items():
+        first = sa.true() if name < kind else sa.and_(sa.literal(name == kind), table.id < row.id)
+        older = sa.or_(table.requested_at < row.requested_at, sa.and_(table.requested_at == row.requested_at, first))
+        before = sa.or_(table.priority > row.priority, sa.and_(table.priority == row.priority, older))
+        counted = sa.select(sa.func.count()).select_from(table).where(table.state == "queued", before)
+        count += session.scalar(counted) or 0
+    return count
+
+
+def waits_since(session: Session) -> dt.datetime | None:
+    """Return when the oldest wish was asked for that waits or is worked on, None where there is none."""
+    oldest = [
+        session.scalar(sa.select(sa.func.min(table.requested_at)).where(table.state.in_(WAITING)))
+        for table in KINDS.values()
+    ]
+    return min((moment for moment in oldest if moment is not None), default=None)
+
+
 def is_attended(session: Session) -> bool:
     """Return whether a runner works on any wish, told by a heartbeat within the lease."""
     fresh = now() - dt.timedelta(seconds=LEASE)

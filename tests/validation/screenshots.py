@@ -71,6 +71,7 @@ LARGE = 0.12
 """Of the store of ``store_speed.py``: enough predictions for a density."""
 PAGE = ROOT / "docs" / "page.png"
 COLOURS = 64
+HEIGHT = "document.querySelector('[data-testid=stMainBlockContainer]').scrollHeight"
 SANDS = {
     "aggregates.csv": "name,particle_density_kg_m3,density_basis\nSand 0/4,2640,oven_dry\nGravel 4/16,2610,oven_dry\n"
     "Gravel 8/32,2620,oven_dry\n",
@@ -164,13 +165,14 @@ def draw(page: Any, address: str, clicks: Sequence[str], file: Path) -> None:
     for text in clicks:
         page.get_by_text(text).click()
         settle(page)
-    width = page.viewport_size["width"]
-    height = page.evaluate("document.querySelector('[data-testid=stMainBlockContainer]').scrollHeight")
-    first = page.viewport_size["height"]
-    page.set_viewport_size({"width": width, "height": max(first, height)})
-    settle(page)
+    width, first = page.viewport_size["width"], page.viewport_size["height"]
+    height = 0
+    while (now := max(first, page.evaluate(HEIGHT))) > height:  # what is drawn late makes it higher
+        height = now
+        page.set_viewport_size({"width": width, "height": height})
+        settle(page)
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    picture.quantize(COLOURS, kmeans=1).save(file, optimize=True)
+    picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=1).save(file, optimize=True)
     page.set_viewport_size({"width": width, "height": first})
 
 
