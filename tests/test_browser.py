@@ -20,7 +20,9 @@ from pdlab import Lab, experiments
 from pdlab import store as store_module
 from pdlab.batch.runner import Runner
 from pdlab.batch.working import answer
+from pdlab.charts.parity import CROWDED
 from pdlab.lab import SHIPPED
+from pdlab.models import Mixture, MixtureComponent, PackingTest
 from pdlab.page.app import HOME, VIEWS
 from pdlab.store import open_store
 from pdlab.tables import read_path
@@ -271,6 +273,52 @@ def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters
     page.go_back()
     page.wait_for_url(re.compile(r"/predicted-vs-measured\?find=m%2B$"))
     expect(page.get_by_label("Search in mixtures")).to_have_value("m+")
+
+
+def test_points_of_a_crowd_are_found_by_the_mouse_though_they_are_one_picture(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    from playwright.sync_api import expect
+
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    with opened.write() as session:
+        for k in range(CROWDED):
+            mixture = Mixture(name=f"mix {k}")
+            shares = ((1, 0.25 + 0.005 * k), (2, 0.75 - 0.005 * k))
+            mixture.components = [
+                MixtureComponent(aggregate_id=key, solid_volume_share=share, position=at)
+                for at, (key, share) in enumerate(shares)
+            ]
+            mixture.packing_tests = [PackingTest(compaction="loose", voids_percent=40.0 - 0.05 * k, raw_text="")]
+            session.add(mixture)
+    experiments.predict(opened, FormulaRunner(opened))
+    opened.close()
+    page.goto(f"{served}/predicted-vs-measured?find=mix")
+    expect(page.get_by_text(f"{CROWDED} mixtures")).to_be_visible(timeout=20_000)
+    page.locator(".js-plotly-plot .layer-above image, .js-plotly-plot .imagelayer image").first.wait_for()
+    box = page.locator(".nsewdrag").bounding_box()
+    x, y = page.evaluate("""() => {
+      const drawn = document.querySelector('.js-plotly-plot');
+      const {xaxis, yaxis} = drawn._fullLayout;
+      const series = drawn.calcdata.at(-1);
+      return [xaxis.d2p(series[40].x), yaxis.d2p(series[40].y)];
+    }""")
+    page.locator('[data-title="Box Select"]').click()
+    page.mouse.move(box["x"] + 2, box["y"] + 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] - 2, box["y"] + box["height"] - 2, steps=5)
+    page.mouse.up()
+    expect(page.get_by_text(f"{CROWDED} picked")).to_be_visible(timeout=20_000)
+    page.get_by_role("button", name="Show the newest again").click()
+    expect(page.get_by_text("Newest predictions")).to_be_visible(timeout=20_000)
+    expect(page.locator(".js-plotly-plot")).to_have_count(1, timeout=20_000)
+    page.locator('[data-title="Pan"]').click()
+    page.mouse.move(box["x"] + x, box["y"] + y, steps=3)
+    expect(page.locator(".hoverlayer")).to_contain_text("mix 40")
+    page.mouse.click(box["x"] + x, box["y"] + y)
+    page.wait_for_url(re.compile(r"/mixtures\?mixture="))
+    expect(page.get_by_role("combobox", name="Mixture")).to_have_value("mix 40", timeout=20_000)
 
 
 def test_the_way_back_from_another_view_shows_what_was_chosen(page: Any, served: str, tmp_path: Path) -> None:
