@@ -9,7 +9,8 @@ from sqlalchemy.orm import Session
 
 from pdlab import density, grading, store, tables
 from pdlab.errors import InputError, PdlabError, UnknownName
-from pdlab.experiments.readings import current_grading, particle_density
+from pdlab.experiments.evidence import DensityTest, density_tests
+from pdlab.experiments.readings import current_grading, mean_density, particle_density
 from pdlab.experiments.registration import register
 from pdlab.experiments.waiting import Waiting, waiting_of
 from pdlab.experiments.ways import Way
@@ -121,6 +122,13 @@ def mixture_names(target: Store, most: int) -> dict[int, str]:
     """Return the names of so many of the newest mixtures by their ids, the newest first."""
     with target.read() as session:
         return store.newest_mixtures(session, most)
+
+
+def mixture_tests(target: Store, mixture_id: int) -> tuple[DensityTest, ...]:
+    """Return a mixture's density tests as they were entered, the newest last. Raises UnknownName."""
+    with target.read() as session:
+        row = _mixture(session, mixture_id)
+    return density_tests(row.packing_tests, mean_density(row))
 
 
 def ask_prediction(target: Store, mixture_id: int, method: str) -> str:

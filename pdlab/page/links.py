@@ -37,6 +37,12 @@ def go(address: str, sentence: str = "", **query: str) -> NoReturn:
     st.switch_page(st.session_state[PAGES][address], query_params=query or None)
 
 
+def say(sentence: str) -> NoReturn:
+    """Draw the view anew and say a sentence above it."""
+    st.session_state[SAID] = sentence
+    st.rerun()
+
+
 def attempt(call: Callable[..., object], *args: object) -> None:
     """Do what a button asks for before its view is drawn; what is refused is said in the view."""
     try:
@@ -46,7 +52,7 @@ def attempt(call: Callable[..., object], *args: object) -> None:
 
 
 def said() -> None:
-    """Say the sentence that another view has left, or why an attempt was refused, once."""
+    """Say the sentence that another view, or this one, has left, or why an attempt was refused, once."""
     for sentence in st.session_state.pop(REFUSED, ()):
         st.error(plain(sentence))
     if sentence := st.session_state.pop(SAID, ""):

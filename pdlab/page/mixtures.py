@@ -8,7 +8,7 @@ import streamlit as st
 from pdlab import experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import Composed
-from pdlab.page import choosing, composing, lab_report, links, unsaved, watching
+from pdlab.page import choosing, composing, lab_report, links, mixture_tests, unsaved, watching
 from pdlab.page.composing import MIXTURE, NEW
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
@@ -36,6 +36,7 @@ def show(target: Store) -> None:
         method = result(target, composed)
         lab_report.offer(composed.name, partial(report.mixture, target, chosen, method))
     with below:
+        mixture_tests.show(target, chosen, composed)
         _parts(composed)
 
 
@@ -54,6 +55,7 @@ def _choose(target: Store) -> int:
         unsaved.put_away()
     elif "mixture" in st.query_params:
         del st.query_params["mixture"]
+        mixture_tests.put_away()
     return chosen
 
 
