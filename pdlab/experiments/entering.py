@@ -166,9 +166,9 @@ def register_entered(target: Store, entered: EnteredAggregate) -> None:
 
 
 def read_test(test: Mapping[str, str], particle: float | None) -> TestRead:
-    """Return what a density test of a mixture says; nothing of an empty one.
+    """Return what a density test says; nothing of an empty one.
 
-    ``test``: by ``TEST_TEXTS``; ``particle``: the mixture's mean particle density by solid volume, oven-dry [kg/m³].
+    ``test``: by ``TEST_TEXTS``; ``particle``: oven-dry particle density [kg/m³], of a mixture the mean by solid volume.
     """
     if not _filled(test):
         return TestRead()

@@ -8,7 +8,7 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import density, tables
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import TEST_TEXTS, TestRead
-from pdlab.page.wording import plain
+from pdlab.page.wording import LABELS, plain
 from pdlab.quantities import QUANTITIES, heading
 
 COUNT = "density_tests"
@@ -42,16 +42,16 @@ def ask(box: DeltaGenerator, k: int | str) -> dict[str, str]:
     kind.selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key=_key(k, "kind"))
     unit = UNITS[st.session_state[_key(k, "kind")]]
     value.text_input(f"Value{unit}", key=_key(k, "value"))
-    compaction.selectbox("Compaction", COMPACTIONS, key=_key(k, "compaction"))
-    repeats.text_input("Repeats", key=_key(k, "repeats"))
-    spread.text_input(f"Deviation{unit}", key=_key(k, "standard_deviation"),
+    compaction.selectbox(LABELS["compaction"], COMPACTIONS, key=_key(k, "compaction"))
+    repeats.text_input(LABELS["repeats"], key=_key(k, "repeats"))
+    spread.text_input(LABELS["standard_deviation"] + unit, key=_key(k, "standard_deviation"),
                       help="Standard deviation of single tests.")  # fmt: skip
     wide, high, moisture, standard, date = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
-    wide.text_input("Container Ø [mm]", key=_key(k, "container_diameter_mm"))
-    high.text_input("Its height [mm]", key=_key(k, "container_height_mm"))
-    moisture.text_input("Moisture [%]", key=_key(k, "moisture_percent"))
-    standard.text_input("Standard", key=_key(k, "standard"), placeholder="EN 1097-3")
-    date.text_input("Date", key=_key(k, "date"), placeholder="2026-03-31")
+    wide.text_input(LABELS["container_diameter_mm"], key=_key(k, "container_diameter_mm"))
+    high.text_input(LABELS["container_height_mm"], key=_key(k, "container_height_mm"))
+    moisture.text_input(LABELS["moisture_percent"], key=_key(k, "moisture_percent"))
+    standard.text_input(LABELS["standard"], key=_key(k, "standard"), placeholder="EN 1097-3")
+    date.text_input(LABELS["date"], key=_key(k, "date"), placeholder="2026-03-31")
     return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}
 
 

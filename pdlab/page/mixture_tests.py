@@ -38,6 +38,7 @@ def show(target: Store, mixture_id: int, composed: Composed) -> None:
             st.caption(plain(f"The particle density of {', '.join(composed.undense)} is missing: enter voids, or it."))
         if st.button("Save the density test", type="primary", key="save_test"):
             _save(target, mixture_id, composed.name, texts, read)
+    links.link("Correct what was entered of this mixture", "corrections", links.EDIT, mixture=str(mixture_id))
     _keep(mixture_id, texts)
 
 

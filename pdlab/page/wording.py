@@ -2,6 +2,36 @@
 
 import re
 
+from pdlab.quantities import QUANTITIES, heading
+
+LABELS = {
+    "name": "Name",
+    "delivery": "Delivery",
+    "particle_density_kg_m3": "Particle density [kg/m³]",
+    "density_basis": "Its basis",
+    "water_absorption_percent": "Absorption [%]",
+    "shape": "Shape",
+    "source": "Source",
+    "repose_angle_deg": "Repose angle [°]",
+    "wall_angle_deg": "Slip angle [°]",
+    "aperture_mm": "Sieve [mm]",
+    "sample_mass_g": "Sample [g]",
+    "pan_lower_mm": "Pan [mm]",
+    "standard": "Standard",
+    "date": "Date",
+    "compaction": "Compaction",
+    "repeats": "Repeats",
+    "standard_deviation": "Deviation",
+    "container_diameter_mm": "Container Ø [mm]",
+    "container_height_mm": "Its height [mm]",
+    "moisture_percent": "Moisture [%]",
+    "solid_volume_share": "Share of the solid volume",
+    "mass_share": "Share of the mass",
+}
+"""The columns of what is entered, as forms and tables name them; others are quantities."""
+BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
+AFRESH = "Show what stands now"
+"""The button that gives up a correction, where another has corrected the same record meanwhile."""
 MISSING = "–"  # stands in a table where a value is missing
 
 
@@ -11,8 +41,14 @@ def plain(text: str) -> str:
 
 
 def pressed(text: str) -> str:
-    """Return what is said of a prediction with the page's button in place of the command that does the same."""
-    return re.sub(r"run 'pdlab (predict|refresh)'", "press 'Predict'", text)
+    """Return what is said with the page's button in place of the command that does the same."""
+    said = re.sub(r"run 'pdlab (predict|refresh)'", "press 'Predict'", text)
+    return re.sub(r"look at it with 'pdlab show .*' and", f"press '{AFRESH}' and", said)
+
+
+def named(column: str) -> str:
+    """Return what a column of what is entered is called."""
+    return LABELS.get(column) or (begun(heading(column)) if column in QUANTITIES else column)
 
 
 def digits(value: float) -> str:
