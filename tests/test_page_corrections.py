@@ -36,7 +36,7 @@ def of(target: Store, name: str, kind: str) -> tuple[AppTest, int, Recorded]:
     key = mixture(target) if name == EQUAL else ids(target, name)[0]
     record = next(one for one in experiments.recorded(target, material, key).records if one.kind == kind)
     app = view(material, key)
-    return ran(app.selectbox(key=f"record_{material}_{key}").set_value(record.key)), key, record
+    return ran(app.selectbox[0].set_value(record.key)), key, record
 
 
 def typed(app: AppTest, record: Recorded, **texts: str) -> AppTest:
@@ -99,6 +99,8 @@ def test_a_density_test_is_corrected_and_says_what_it_means_meanwhile(stocked: S
          "Voids [%]", "40.0", "40.3", "Anna", "misread"],
     ]  # fmt: skip
     assert app.text_input(key=f"test_{record.key}_2_value").value == "40.3"
+    assert app.selectbox[0].value == record.key
+    assert "voids [%]: 40.3" in app.selectbox[0].proto.options[app.selectbox[0].index]
     assert table(app, "what", "before", "after") == []
     assert next(box.value for box in app.text_input if box.label == "Why") == ""
     assert app.text_input(key="who").value == "Anna", "the name is asked once"
@@ -169,6 +171,7 @@ def test_a_mixture_is_corrected_in_percent(stocked: Store) -> None:
     assert any("the shares sum to 1.1" in text for text in plain(app)[1])
     cells(app, record, row_0={"share": "60"}, row_1={"share": "much"})
     assert any("pebbles F: 'much' is no number" in text for text in plain(app)[1])
+    assert plain(saved(app))[1][-1] == "not saved: mend what is marked above first"
     cells(app, record, row_0={"share": "60"}, row_1={"share": "40 %"})
     saved(app)
     assert experiments.composition(stocked, key).shares == pytest.approx((0.6, 0.4))
@@ -262,9 +265,9 @@ def test_another_record_begins_with_what_stands(stocked: Store) -> None:
     app, key, record = of(stocked, "pebbles L", "packing_test")
     typed(app, record, value="40,3")
     sieved = experiments.recorded(stocked, "aggregate", key).records[0].key
-    ran(app.selectbox(key=f"record_aggregate_{key}").set_value(sieved))
+    ran(app.selectbox[0].set_value(sieved))
     assert table(app, "record", "what", "before", "after") == []
-    ran(app.selectbox(key=f"record_aggregate_{key}").set_value(record.key))
+    ran(app.selectbox[0].set_value(record.key))
     assert app.text_input(key=f"test_{record.key}_1_value").value == "40"
 
 

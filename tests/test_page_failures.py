@@ -54,7 +54,7 @@ def packed(app: AppTest) -> AppTest:
 
 
 def corrected(app: AppTest) -> AppTest:
-    app.selectbox(key="record_aggregate_1").set_value("packing_test:1").run()
+    app.selectbox[0].set_value("packing_test:1").run()
     app.text_input(key="test_packing_test:1_1_value").set_value("40,3")
     app.text_input(key="who").set_value("Anna")
     app.text_input(key="why_packing_test:1_1").set_value("misread").run()

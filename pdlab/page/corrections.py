@@ -17,7 +17,8 @@ from pdlab.page.wording import AFRESH, MISSING, named, plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
 
-SEEN, BY = "record_seen", "corrected_by"  # the record as its corrector saw it; who corrects, where nobody signs in
+CHOSEN, SEEN = "record_chosen", "record_seen"  # the key of the record, and the record as its corrector saw it
+BY = "corrected_by"  # who corrects, where nobody signs in
 OUTDATED = 5  # mixtures that are named
 SHOWN = 50  # corrections that are listed
 
@@ -51,13 +52,18 @@ def _lead() -> None:
 
 
 def _choose(material: RecordedMaterial, kind: str, key: int) -> Recorded:
-    """Ask for the record that is to be corrected."""
+    """Ask for the record that is to be corrected.
+
+    A browser answers with what a record is called, which a correction changes: the box is another one after it.
+    """
     records = {record.key: record for record in material.records}
+    keys, kept = list(records), st.session_state.get(CHOSEN)
     chosen = st.selectbox(
-        "Which of its records is to be corrected?", list(records),
+        "Which of its records is to be corrected?", keys, keys.index(kept) if kept in keys else 0,
         format_func=lambda one: _called(records[one]) + " (the one that counts)" * records[one].current,
-        key=f"record_{kind}_{key}",
+        key=f"record_{kind}_{key}_{'_'.join(str(record.version) for record in records.values())}",
     )  # fmt: skip
+    st.session_state[CHOSEN] = chosen
     return records[chosen]
 
 
@@ -89,20 +95,21 @@ def _finish(
     is_sound: bool,
 ) -> None:  # fmt: skip
     """Show what is changed, ask who corrects it and why, and save it."""
+    above = st.container()  # what comes and goes here leaves the texts below in their places
     try:
         changes = seen.changes(texts, parts)
     except InputError as error:
-        st.error(plain(str(error)))
-        return
+        above.error(plain(str(error)))
+        changes, is_sound = [], False
     if seen.version != now.version:
-        if not changes:
+        if not changes and is_sound:
             _afresh()
             st.rerun()
-        st.warning(f"Another has corrected this record since you opened it: it is version {now.version} now.")
-        st.button(AFRESH, on_click=_afresh, key="afresh")
+        above.warning(f"Another has corrected this record since you opened it: it is version {now.version} now.")
+        above.button(AFRESH, on_click=_afresh, key="afresh")
     if changes:
         names = {part.key: part.entered for part in seen.parts}
-        st.table(_frame(changes, names) if names else _frame(changes, {}).drop(columns="record"), hide_index=True)
+        above.table(_frame(changes, names) if names else _frame(changes, {}).drop(columns="record"), hide_index=True)
     by, why = _ask_who(seen)
     if st.button("Save the correction", type="primary", key="save_correction"):
         _save(target, seen, changes, by, why, is_sound)
@@ -128,10 +135,10 @@ def _ask_who(seen: Recorded) -> tuple[str, str]:
 
 def _save(target: Store, seen: Recorded, changes: Sequence[Corrected], by: str, why: str, is_sound: bool) -> None:
     """Write the correction, or say why not."""
-    if not changes:
-        st.error("nothing is changed; type over what is wrong first")
-    elif not is_sound:
+    if not is_sound:
         st.error("not saved: mend what is marked above first")
+    elif not changes:
+        st.error("nothing is changed; type over what is wrong first")
     elif not by or not why:
         st.error(f"say {'why' if by else 'who corrects it'}: it stays in the history")
     else:

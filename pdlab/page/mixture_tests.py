@@ -33,9 +33,12 @@ def show(target: Store, mixture_id: int, composed: Composed) -> None:
     with st.expander("Enter a density test of this mixture", expanded=begun or not tests):
         texts = density_tests.ask(st.container(), place)
         read = experiments.read_test(texts, composed.particle_density)
-        density_tests.say(st.container(), read)
+        told = st.container()  # what comes and goes here leaves the button in its place
+        density_tests.say(told, read)
         if texts["kind"] == "bulk_density_kg_m3" and composed.undense:
-            st.caption(plain(f"The particle density of {', '.join(composed.undense)} is missing: enter voids, or it."))
+            told.caption(
+                plain(f"The particle density of {', '.join(composed.undense)} is missing: enter voids, or it.")
+            )
         if st.button("Save the density test", type="primary", key="save_test"):
             _save(target, mixture_id, composed.name, texts, read)
     links.link("Correct what was entered of this mixture", "corrections", links.EDIT, mixture=str(mixture_id))

@@ -84,7 +84,7 @@ def _grid(seen: Recorded) -> Sequence[Texts]:
     """Ask for the texts of a record's parts in a grid, beside what was entered."""
     names = list(seen.parts[0].texts)
     heads = {name: named(name) if name != SHARE else "share [%]" for name in names}
-    beside = "aggregate" if SHARE in names else "as it was entered"
+    beside = "aggregate" if SHARE in names else "entered"
     base = pd.DataFrame([[part.entered, *part.texts.values()] for part in seen.parts], columns=[beside, *names])
     columns = {name: st.column_config.TextColumn(heads[name]) for name in names}
     edited = st.data_editor(
