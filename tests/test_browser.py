@@ -23,7 +23,7 @@ from pdlab.batch.working import answer
 from pdlab.charts.parity import CROWDED
 from pdlab.lab import SHIPPED
 from pdlab.models import Mixture, MixtureComponent, PackingTest
-from pdlab.page.app import HOME, VIEWS
+from pdlab.page.app import CORRECTIONS, HOME, VIEWS
 from pdlab.store import open_store
 from pdlab.tables import read_path
 
@@ -148,7 +148,7 @@ def test_a_view_finds_its_server_at_once_below_a_path_of_a_proxy_too(tmp_path: P
 def test_on_a_tablet_s_bar_all_views_are_at_hand(page: Any, served: str) -> None:
     page.set_viewport_size({"width": 768, "height": 1024})
     page.goto(f"{served}/aggregates")
-    for name in ("Home", *(title for address, (title, _) in VIEWS.items() if address != HOME)):
+    for name in ("Home", *(title for address, (title, _) in VIEWS.items() if address not in (HOME, CORRECTIONS))):
         page.get_by_test_id("stTopNavLink").get_by_text(name, exact=True).wait_for()
 
 
@@ -345,3 +345,38 @@ def test_the_way_back_from_another_view_shows_what_was_chosen(page: Any, served:
         if "/mixtures" in page.url:
             break
     page.wait_for_url(re.compile(r"/mixtures\?mixture=2$"))
+
+
+def test_a_mixtures_density_test_is_entered_reloaded_saved_and_corrected_twice_in_a_browser(
+    page: Any, served: str, tmp_path: Path
+) -> None:
+    from playwright.sync_api import expect
+
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    page.goto(f"{served}/mixtures?mixture=2")
+    page.get_by_text("Enter a density test of this mixture").click()
+    page.get_by_label("Value [kg/m³]").fill("35,2")
+    page.get_by_label("Value [kg/m³]").press("Tab")
+    page.wait_for_url(re.compile("test=of%3D2"))
+    page.reload()
+    expect(page.get_by_label("Value [kg/m³]")).to_have_value("35,2")
+    page.get_by_role("combobox", name="Measured").click()
+    page.get_by_role("option", name="voids [%]").click()
+    expect(page.get_by_text("0.6480 ±")).to_be_visible()
+    page.get_by_role("button", name="Save the density test").click()
+    expect(page.get_by_text("saved: a density test of pebbles L+F 1:1")).to_be_visible()
+    page.get_by_text("Correct what was entered of this mixture").click()
+    for text, before in (("35,3", "35.2"), ("35,4", "35.3")):
+        expect(page.get_by_label("Value [%]")).to_have_value(before)
+        page.get_by_label("Value [%]").fill(text)
+        page.get_by_label("Who corrects").fill("Anna")
+        page.get_by_label("Why").fill("misread")
+        page.get_by_label("Why").press("Tab")
+        expect(page.get_by_role("cell", name=text)).to_be_visible()
+        page.get_by_role("button", name="Save the correction").click()
+        expect(page.get_by_text(f"corrected: Voids [%] {before} → {text.replace(',', '.')}")).to_be_visible()
+        page.locator("[data-testid=stApp][data-test-script-state=notRunning]").wait_for()
+    (test, *_) = experiments.recorded(opened, "mixture", 2).records
+    opened.close()
+    assert (test.texts["value"], test.version) == ("35.4", 3)

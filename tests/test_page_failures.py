@@ -15,7 +15,7 @@ from test_page_mixtures import stocked
 
 from pdlab import experiments
 from pdlab.errors import StoreAway
-from pdlab.page.app import VIEWS
+from pdlab.page.app import CORRECTIONS, VIEWS
 from pdlab.store import Store, databases, open_store
 
 __all__ = ["lab", "stocked"]
@@ -47,12 +47,28 @@ def typed(app: AppTest) -> AppTest:
     return type_in(app, name="Kies")
 
 
+def packed(app: AppTest) -> AppTest:
+    app.selectbox(key="test_of_mixture_1_kind").set_value("voids_percent")
+    app.text_input(key="test_of_mixture_1_value").set_value("36,5").run()
+    return app.button(key="save_test").click().run()
+
+
+def corrected(app: AppTest) -> AppTest:
+    app.selectbox[0].set_value("packing_test:1").run()
+    app.text_input(key="test_packing_test:1_1_value").set_value("40,3")
+    app.text_input(key="who").set_value("Anna")
+    app.text_input(key="why_packing_test:1_1").set_value("misread").run()
+    return app.button(key="save_correction").click().run()
+
+
 ACTIONS: dict[str, tuple[str, dict[str, str], Callable[[AppTest], AppTest]]] = {
     "keep a draft": ("new-aggregate", {}, typed),
     "discard a draft": ("new-aggregate", {}, lambda app: app.button(key="discard_1").click().run()),
     "save an aggregate": ("new-aggregate", {"draft": "1"}, lambda app: app.button(key="save").click().run()),
     "calibrate": ("calibration", {"aggregate": "1"}, lambda app: app.button(key="calibrate").click().run()),
     "predict": ("mixtures", {"mixture": "1"}, lambda app: app.button(key="predict").click().run()),
+    "save a density test": ("mixtures", {"mixture": "1"}, packed),
+    "correct": (CORRECTIONS, {"aggregate": "1"}, corrected),
     "cancel": ("mixtures", {"mixture": "2"}, lambda app: app.button(key="cancel").click().run()),
     "save a mixture": (
         "mixtures", {"parts": "1,2", "name": "new"}, lambda app: app.button(key="save").click().run()
@@ -72,7 +88,7 @@ def test_what_cannot_be_written_is_a_sentence(stocked: Store, action: str, monke
 
 
 def test_what_cannot_be_read_is_a_sentence_on_every_view(stocked: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    views = [view(address) for address in VIEWS]
+    views = [view(address, aggregate="1") if address == CORRECTIONS else view(address) for address in VIEWS]
     monkeypatch.setattr(Store, "read", refusing)
     for app in views:
         assert REFUSED in errors(app.run())

@@ -335,7 +335,7 @@ def test_a_mixture_that_was_not_measured_says_so(stocked: Store) -> None:
     parts = ids(stocked, "pebbles L", "pebbles F")
     made = experiments.register_mixture(stocked, "new", parts, [0.3, 0.7], by_mass=False)
     app = view(made)
-    assert any("was not measured. To compare, import a density test" in text for text in said(app))
+    assert any("was not measured. To compare, enter a density test of it below" in text for text in said(app))
     assert {"volume mean", "Toufar"} & {name for block in app.table for name in block.value.index}
 
 

@@ -37,7 +37,7 @@ from pdlab.tables import DENSITY_KINDS, LAYOUT, SHARE_KINDS
 
 Edited = Aggregate | SieveAnalysis | PackingTest | Mixture
 """A record: a row that carries a version, with its parts."""
-_COLUMNS: dict[type[Base], tuple[str, tuple[str, ...]]] = {
+COLUMNS: dict[type[Base], tuple[str, tuple[str, ...]]] = {
     Aggregate: ("aggregates", tuple(LAYOUT["aggregates"])),
     SieveAnalysis: ("sieves", ("sample_mass_g", "pan_lower_mm", "standard", "date")),
     SieveResult: ("sieves", ("aperture_mm", *KINDS)),
@@ -173,7 +173,7 @@ def _parts(record: Base) -> Sequence[Base]:
 
 
 def _set_columns(work: _Work, row: Base, columns: Mapping[str, str]) -> None:
-    table, known = _COLUMNS[type(row)]
+    table, known = COLUMNS[type(row)]
     values = {}
     for column, text in columns.items():
         if column not in known:

@@ -1,7 +1,8 @@
-"""An aggregate as it is entered in a form: its texts, what they say while they are typed, and their registration."""
+"""An aggregate, or a mixture's density test, as a form holds it: its texts, what they say while they are typed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -76,7 +77,7 @@ class EnteredAggregate:
         rows = [{"aperture_mm": sieve, texts["kind"]: value} for sieve, value in self.sieves if value.strip()]
         if rows:
             out["sieves"] = pd.DataFrame([row | of_analysis for row in rows])
-        tests = [_test_row(test, name, delivery) for test in self.tests if _filled(test)]
+        tests = [_test_row(test, f"aggregate:{name}", delivery) for test in self.tests if _filled(test)]
         if tests:
             out["packing_tests"] = pd.DataFrame(tests).fillna("")
         return out
@@ -142,10 +143,7 @@ def read_entered(entered: EnteredAggregate) -> AggregateRead:
     of_tests = [k for k, test in enumerate(entered.tests) if _filled(test)]
     tests = [TestRead() for _ in entered.tests]
     for row, k in enumerate(of_tests, start=2):
-        wrong = _problems(found, "packing_tests", row)
-        if not entered.tests[k]["value"].strip():
-            wrong = ["the density test has no value; enter it, or empty its other fields"]
-        tests[k] = TestRead(wrong=wrong) if wrong else _measured(found, row, entered.tests[k]["kind"])
+        tests[k] = _read_test(found, row, entered.tests[k], partial(_dry_density, found))
     wrong = _problems(found, "aggregates", 2)
     return AggregateRead([*wrong, *_density_of(found)], _read_sieves(entered, found), tests)
 
@@ -167,6 +165,29 @@ def register_entered(target: Store, entered: EnteredAggregate) -> None:
     register(target, tables.read_frames(entered.frames()))
 
 
+def read_test(test: Mapping[str, str], particle: float | None) -> TestRead:
+    """Return what a density test says; nothing of an empty one.
+
+    ``test``: by ``TEST_TEXTS``; ``particle``: oven-dry particle density [kg/m³], of a mixture the mean by solid volume.
+    """
+    if not _filled(test):
+        return TestRead()
+    found = tables.read_frames({"packing_tests": pd.DataFrame([_test_row(test, f"mixture:{UNNAMED}")])})
+    return _read_test(found, 2, test, lambda: particle)
+
+
+def register_test(target: Store, mixture: str, test: Mapping[str, str]) -> bool:
+    """Write a density test of a mixture as packing_tests.csv would; return whether it is new.
+
+    It is not where it equals one that is there, which changes nothing. Raises InputError, TableError with every
+    problem.
+    """
+    if not test["value"].strip():
+        raise InputError("the density test has no value; enter one")
+    frame = pd.DataFrame([_test_row(test, f"mixture:{mixture}")])
+    return register(target, tables.read_frames({"packing_tests": frame})).new["density tests"] > 0
+
+
 def sentences(error: PdlabError) -> list[str]:
     """Return what an error says, a sentence for each problem of a table, without its place and each once."""
     return list(dict.fromkeys(map(_sentence, error.problems))) if isinstance(error, TableError) else [str(error)]
@@ -176,9 +197,9 @@ def _filled(texts: Mapping[str, str]) -> bool:
     return any(text.strip() for name, text in texts.items() if name not in CHOSEN)
 
 
-def _test_row(test: Mapping[str, str], name: str, delivery: str) -> dict[str, str]:
+def _test_row(test: Mapping[str, str], material: str, delivery: str = "") -> dict[str, str]:
     others = {column: text for column, text in test.items() if column not in ("kind", "value")}
-    return others | {"material": f"aggregate:{name}", "delivery": delivery, test["kind"]: test["value"]}
+    return others | {"material": material, "delivery": delivery, test["kind"]: test["value"]}
 
 
 def _problems(found: Tables, kind: str, row: int) -> list[str]:
@@ -230,13 +251,17 @@ def _dry_density(found: Tables) -> float | None:
     )
 
 
-def _measured(found: Tables, line: int, kind: str) -> TestRead:
-    cells = next(row.cells for row in found.packing_tests if row.line == line)
+def _read_test(found: Tables, row: int, test: Mapping[str, str], particle: Callable[[], float | None]) -> TestRead:
+    """Return what the density test in a row says; ``particle`` may raise DensityError."""
+    wrong = _problems(found, "packing_tests", row)
+    if not test["value"].strip():
+        wrong = ["the density test has no value; enter it, or empty its other fields"]
+    if wrong:
+        return TestRead(wrong=wrong)
+    cells, kind = next(one.cells for one in found.packing_tests if one.line == row), test["kind"]
     try:
         return TestRead(
-            density.measured_packing(
-                kind, cells[kind], _dry_density(found), cells["repeats"], cells["standard_deviation"]
-            )
+            density.measured_packing(kind, cells[kind], particle(), cells["repeats"], cells["standard_deviation"])
         )
     except DensityError as error:
         return TestRead(wrong=[str(error)])

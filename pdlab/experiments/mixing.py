@@ -9,7 +9,8 @@ from sqlalchemy.orm import Session
 
 from pdlab import density, grading, store, tables
 from pdlab.errors import InputError, PdlabError, UnknownName
-from pdlab.experiments.readings import current_grading, particle_density
+from pdlab.experiments.evidence import DensityTest, density_tests
+from pdlab.experiments.readings import current_grading, mean_density, particle_density
 from pdlab.experiments.registration import register
 from pdlab.experiments.waiting import Waiting, waiting_of
 from pdlab.experiments.ways import Way
@@ -90,7 +91,7 @@ def compose(target: Store, ids: Sequence[int], shares: Sequence[float], by_mass:
 def composition(target: Store, mixture_id: int) -> Composed:
     """Return what a stored mixture is made of. Raises UnknownName."""
     with target.read() as session:
-        blend = _mixture(session, mixture_id)
+        blend = stored_mixture(session, mixture_id)
         rows = aggregates_of(session, [part.aggregate_id for part in blend.components])
     shares = [part.solid_volume_share for part in blend.components]
     whole = math.fsum(shares)  # 1 but for rounding
@@ -123,13 +124,20 @@ def mixture_names(target: Store, most: int) -> dict[int, str]:
         return store.newest_mixtures(session, most)
 
 
+def mixture_tests(target: Store, mixture_id: int) -> tuple[DensityTest, ...]:
+    """Return a mixture's density tests as they were entered, the newest last. Raises UnknownName."""
+    with target.read() as session:
+        row = stored_mixture(session, mixture_id)
+    return density_tests(row.packing_tests, mean_density(row))
+
+
 def ask_prediction(target: Store, mixture_id: int, method: str) -> str:
     """Wish for a prediction unless it is there; return why there can be none, empty where nothing stands against it.
 
     What is there is of the newest engine that the store knows: a runner works with its own. Raises UnknownName.
     """
     with target.read() as session:
-        row = _mixture(session, mixture_id)
+        row = stored_mixture(session, mixture_id)
         newest = store.newest_engine(session) or 0
     try:
         asked = ask_predictions(target, [row], Way(method), newest)
@@ -151,7 +159,8 @@ def full_name(row: Aggregate) -> str:
     return f"{row.name} {row.delivery}".strip()
 
 
-def _mixture(session: Session, mixture_id: int) -> Mixture:
+def stored_mixture(session: Session, mixture_id: int) -> Mixture:
+    """Return the mixture with this id, with its components and density tests. Raises UnknownName."""
     row = next(iter(store.mixtures_by_id(session, [mixture_id])), None)
     if row is None:
         raise UnknownName(f"the store holds no mixture {mixture_id}; choose another")

@@ -94,10 +94,11 @@ def _list(target: Store, search: str) -> dict[int, str]:
 
 
 def _say(chosen: Sequence[Summary]) -> None:
-    """Lead to the aggregates' calibrations and to further tests of them, and say what stands against them."""
+    """Lead to the aggregates' calibrations, to further tests and corrections; say what stands against them."""
     ways = (
         ("calibration", CALIBRATED, "Calibration of {}"),
         ("new-aggregate", ADD, "Add a sieve analysis or a density test of {}"),
+        ("corrections", links.EDIT, "Correct {}"),
     )
     for address, sign, words in ways:
         with st.container(horizontal=True):

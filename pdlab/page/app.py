@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Literal
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
@@ -11,6 +12,7 @@ from pdlab.errors import InputError, PdlabError, StoreError
 from pdlab.page import (
     aggregates,
     calibration,
+    corrections,
     links,
     mixtures,
     new_aggregate,
@@ -21,7 +23,8 @@ from pdlab.page import (
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
-HOME, IN_BAR = "predicted-vs-measured", "Home"  # a bar of six titles is whole on a tablet
+HOME, CORRECTIONS = "predicted-vs-measured", "corrections"
+IN_BAR = "Home"  # a bar of six titles is whole on a tablet
 VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
     HOME: ("Predicted against measured", predicted_vs_measured.show),
     "aggregates": ("Aggregates", aggregates.show),
@@ -29,6 +32,7 @@ VIEWS: dict[str, tuple[str, Callable[[Store], None]]] = {
     "mixtures": ("Mixtures", mixtures.show),
     "proportions": ("Proportions", proportions.show),
     "new-aggregate": ("New aggregate", new_aggregate.show),
+    CORRECTIONS: ("Correct what was entered", corrections.show),
 }  # a docstring would be shown on the page; by address: title, what draws it
 
 
@@ -73,7 +77,8 @@ def _enter() -> None:
 def _page(address: str, target: Store | None, refused: str) -> StreamlitPage:
     title, show = VIEWS[address]
     short = IN_BAR if address == HOME else title
-    return st.Page(partial(_draw, title, show, target, refused), title=short, url_path=address)
+    visibility: Literal["visible", "hidden"] = "hidden" if address == CORRECTIONS else "visible"
+    return st.Page(partial(_draw, title, show, target, refused), title=short, url_path=address, visibility=visibility)
 
 
 def _draw(title: str, show: Callable[[Store], None], target: Store | None, refused: str) -> None:

@@ -90,9 +90,13 @@ def recall(name: str, place: str, others: Collection[str] = ()) -> None:
         st.session_state.setdefault(place, key)
 
 
-def keep(name: str, place: str, chosen: int, new: int | None = None) -> int:
-    """Keep what is chosen in a place for the way back, and in the address unless it is ``new``; return it."""
+def keep(name: str, place: str, chosen: int, new: int | None = None, beside: Collection[str] = ()) -> int:
+    """Keep what is chosen in a place for the way back, and in the address unless it is ``new``; return it.
+
+    ``beside``: what else the address says stays there by these names.
+    """
     st.session_state[f"kept_{place}"] = [chosen]
     if chosen != new:
-        links.tell({name: str(chosen)})
+        stays = {word: st.query_params[word] for word in beside if word in st.query_params}
+        links.tell({name: str(chosen)} | stays)
     return chosen

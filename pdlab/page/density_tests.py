@@ -8,26 +8,26 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import density, tables
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import TEST_TEXTS, TestRead
-from pdlab.page.wording import plain, pressed
+from pdlab.page.wording import LABELS, plain, pressed
 from pdlab.quantities import QUANTITIES, heading
 
 COUNT = "density_tests"
 KIND_LABELS = {kind: QUANTITIES[kind].short for kind in tables.DENSITY_KINDS}  # the unit stands with the value
 UNITS = {kind: f" [{QUANTITIES[kind].unit}]" if QUANTITIES[kind].unit else "" for kind in tables.DENSITY_KINDS}
-CHOICES = {"kind": tables.DENSITY_KINDS[0], "compaction": COMPACTIONS[0]}
+CHOICES = {"kind": tables.DENSITY_KINDS, "compaction": COMPACTIONS}
 
 
 def fill(tests: Sequence[Mapping[str, str]]) -> None:
     """Put the density tests of a draft into the widgets, before they are drawn; an empty one where there is none."""
     st.session_state[COUNT] = 0
-    for test in tests or [dict.fromkeys(TEST_TEXTS, "")]:
-        _put(st.session_state[COUNT], test)
+    for test in tests or [{}]:
+        put(st.session_state[COUNT], test)
         st.session_state[COUNT] += 1
 
 
 def add() -> None:
     """Add an empty density test."""
-    _put(st.session_state[COUNT], dict.fromkeys(TEST_TEXTS, ""))
+    put(st.session_state[COUNT], {})
     st.session_state[COUNT] += 1
 
 
@@ -36,23 +36,33 @@ def boxes() -> list[DeltaGenerator]:
     return [st.container(border=True) for _ in range(st.session_state[COUNT])]
 
 
-def ask(box: DeltaGenerator, k: int) -> dict[str, str]:
-    """Ask for a density test within its frame; return its texts."""
-    kind, compaction, repeats, wide, standard = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
+def ask(box: DeltaGenerator, k: int | str) -> dict[str, str]:
+    """Ask for a density test within its frame; return its texts. ``k``: of a test among several, or its place."""
+    kind, value, compaction, repeats, spread = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
     kind.selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key=_key(k, "kind"))
-    compaction.selectbox("Compaction", COMPACTIONS, key=_key(k, "compaction"))
-    repeats.text_input("Repeats", key=_key(k, "repeats"))
-    wide.text_input("Container Ø [mm]", key=_key(k, "container_diameter_mm"))
-    standard.text_input("Standard", key=_key(k, "standard"), placeholder="EN 1097-3")
-    value, moisture, spread, high, date = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
     unit = UNITS[st.session_state[_key(k, "kind")]]
     value.text_input(f"Value{unit}", key=_key(k, "value"))
-    moisture.text_input("Moisture [%]", key=_key(k, "moisture_percent"))
-    spread.text_input(f"Deviation{unit}", key=_key(k, "standard_deviation"),
+    compaction.selectbox(LABELS["compaction"], COMPACTIONS, key=_key(k, "compaction"))
+    repeats.text_input(LABELS["repeats"], key=_key(k, "repeats"))
+    spread.text_input(LABELS["standard_deviation"] + unit, key=_key(k, "standard_deviation"),
                       help="Standard deviation of single tests.")  # fmt: skip
-    high.text_input("Its height [mm]", key=_key(k, "container_height_mm"))
-    date.text_input("Date", key=_key(k, "date"), placeholder="2026-03-31")
+    wide, high, moisture, standard, date = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
+    wide.text_input(LABELS["container_diameter_mm"], key=_key(k, "container_diameter_mm"))
+    high.text_input(LABELS["container_height_mm"], key=_key(k, "container_height_mm"))
+    moisture.text_input(LABELS["moisture_percent"], key=_key(k, "moisture_percent"))
+    standard.text_input(LABELS["standard"], key=_key(k, "standard"), placeholder="EN 1097-3")
+    date.text_input(LABELS["date"], key=_key(k, "date"), placeholder="2026-03-31")
     return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}
+
+
+def is_asked(k: int | str) -> bool:
+    """Return whether the widgets of a density test hold texts, which they lose with another view."""
+    return _key(k, "value") in st.session_state
+
+
+def forget(k: int | str) -> None:
+    """Forget the texts of a density test, so that they are put anew before it is drawn next."""
+    del st.session_state[_key(k, "value")]
 
 
 def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None:
@@ -70,10 +80,12 @@ def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None
         box.caption(plain(pressed(warning)))
 
 
-def _key(k: int, name: str) -> str:
+def _key(k: int | str, name: str) -> str:
     return f"test_{k}_{name}"
 
 
-def _put(k: int, test: Mapping[str, str]) -> None:
+def put(k: int | str, test: Mapping[str, str]) -> None:
+    """Put texts into the widgets of a density test, before they are drawn; what they lack is empty."""
     for name in TEST_TEXTS:
-        st.session_state[_key(k, name)] = test[name] or CHOICES.get(name, "")
+        text, choices = test.get(name, ""), CHOICES.get(name, ())
+        st.session_state[_key(k, name)] = text if not choices or text in choices else choices[0]

@@ -12,6 +12,7 @@ from pdlab.page.wording import plain, pressed
 
 PAGES, SAID, REFUSED = "pages", "said", "refused"
 DIGITS = 9  # of an id at most: what a database takes as one
+EDIT, THERE = ":material/edit:", ":material/arrow_forward:"
 OPEN = "mixture_to_open"  # the mixture that the view of mixtures is to show next, whatever it showed before
 
 
@@ -44,6 +45,12 @@ def go(address: str, sentence: str = "", /, **query: str | Sequence[str]) -> NoR
     st.switch_page(st.session_state[PAGES][address], query_params=query or None)
 
 
+def say(sentence: str) -> NoReturn:
+    """Draw the view anew and say a sentence above it."""
+    st.session_state[SAID] = sentence
+    st.rerun()
+
+
 def attempt(call: Callable[..., object], *args: object) -> None:
     """Do what a button asks for before its view is drawn; what is refused is said in the view."""
     try:
@@ -53,7 +60,7 @@ def attempt(call: Callable[..., object], *args: object) -> None:
 
 
 def said() -> None:
-    """Say the sentence that another view has left, or why an attempt was refused, once."""
+    """Say the sentence that another view, or this one, has left, or why an attempt was refused, once."""
     for sentence in st.session_state.pop(REFUSED, ()):
         st.error(plain(pressed(sentence)))
     if sentence := st.session_state.pop(SAID, ""):

@@ -8,7 +8,7 @@ import streamlit as st
 from pdlab import experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import Composed
-from pdlab.page import choosing, composing, lab_report, links, unsaved, watching
+from pdlab.page import choosing, composing, lab_report, links, mixture_tests, unsaved, watching
 from pdlab.page.composing import MIXTURE, NEW
 from pdlab.page.gradings import compare
 from pdlab.page.prediction import result
@@ -36,6 +36,7 @@ def show(target: Store) -> None:
         method = result(target, composed)
         lab_report.offer(composed.name, partial(report.mixture, target, chosen, method))
     with below:
+        mixture_tests.show(target, chosen, composed)
         _parts(composed)
 
 
@@ -48,7 +49,7 @@ def _choose(target: Store) -> int:
     if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"mixture {kept}"
     chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)
-    return choosing.keep("mixture", MIXTURE, chosen, NEW)
+    return choosing.keep("mixture", MIXTURE, chosen, NEW, [mixture_tests.WORD])
 
 
 def _wish(target: Store, chosen: int) -> None:

@@ -1,21 +1,19 @@
 """Enter an aggregate: its sieve analysis and its density tests, checked while they are typed, kept as a draft."""
 
 import json
+from typing import Any
 
-import pandas as pd
 import streamlit as st
+from streamlit.delta_generator import DeltaGenerator
 
-from pdlab import charts, experiments
+from pdlab import experiments
 from pdlab.errors import PdlabError, UnknownName
-from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS, EnteredAggregate, SievesRead
-from pdlab.grading import equivalent_diameter
-from pdlab.page import density_tests, links, sieve_table
-from pdlab.page.wording import plain, pressed
-from pdlab.quantities import heading
+from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS, EnteredAggregate
+from pdlab.page import density_tests, gradings, links, sieve_table
+from pdlab.page.wording import BASIS_LABELS, LABELS, plain, pressed
 from pdlab.store import Store
 
 KIND = "aggregate"
-BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
 OPEN, KEPT = "open_draft", "kept_content"  # the id of the draft that stands in the form, and what is kept of it
 AGAIN = "aggregate"  # in the address and the session: the id of one of which a further test is entered
 UNTOLD = "draft_untold"  # whether the address of the open draft was set in the last run
@@ -44,7 +42,8 @@ def show(target: Store) -> None:
     entered = EnteredAggregate(texts, sieves, tests)
     read = experiments.read_entered(entered)
     with right:
-        _grading(read.sieves, texts["kind"])
+        st.subheader("Grading", anchor=False)
+        gradings.say(read.sieves, texts["kind"])
     for sentence in read.wrong:
         about.error(plain(pressed(sentence)))
     for box, test in zip(boxes, read.tests, strict=True):
@@ -101,58 +100,22 @@ def _material() -> dict[str, str]:
     """Ask for the aggregate itself; return its texts."""
     name, delivery, dense, basis = st.columns(4, vertical_alignment="bottom")
     name.text_input("Name of the aggregate", key="name")
-    delivery.text_input("Delivery", key="delivery", help="Empty for the first.")
-    dense.text_input(
-        "Particle density [kg/m³]", key="particle_density_kg_m3", help="Turns a bulk density into a packing density."
+    _ask(delivery, "delivery", help="Empty for the first.")
+    _ask(dense, "particle_density_kg_m3", help="Turns a bulk density into a packing density.")
+    basis.selectbox(
+        LABELS["density_basis"], list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis"
     )
-    basis.selectbox("Its basis", list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis")
     wet, source, shape, repose, slip = st.columns(5, vertical_alignment="bottom")
-    wet.text_input("Absorption [%]", key="water_absorption_percent", help="Of water; needed unless oven-dry.")
-    source.text_input("Source", key="source", placeholder="quarry, supplier")
-    shape.text_input("Shape", key="shape")
-    repose.text_input("Repose angle [°]", key="repose_angle_deg", help="For the method repose only.")
-    slip.text_input("Slip angle [°]", key="wall_angle_deg", help="On the wall; for the method repose only.")
+    _ask(wet, "water_absorption_percent", help="Of water; needed unless oven-dry.")
+    _ask(source, "source", placeholder="quarry, supplier")
+    _ask(shape, "shape")
+    _ask(repose, "repose_angle_deg", help="For the method repose only.")
+    _ask(slip, "wall_angle_deg", help="On the wall; for the method repose only.")
     return {name: st.session_state[name] for name in AGGREGATE_TEXTS}
 
 
-def _grading(read: SievesRead, kind: str) -> None:
-    """Show what a sieve table says, its errors beside their rows."""
-    st.subheader("Grading", anchor=False)
-    if not read.rows:
-        st.caption("The grading curve is drawn here while you type.")
-        return
-    _rows(read, heading(kind))
-    for sentence in read.wrong:
-        st.error(plain(pressed(sentence)))
-    if read.grading is not None:
-        for warning in read.grading.warnings:
-            st.warning(plain(pressed(warning)))
-        st.plotly_chart(charts.grading_curve({"grading": read.grading}), key="curve")
-        st.caption(f"Equivalent diameter by the rule log_mean: {equivalent_diameter(read.grading):.4g} mm")
-
-
-def _rows(read: SievesRead, values: str) -> None:
-    """Show the rows that have a value or an error, as they are read; ``values``: the heading of their values."""
-    rows = [row for row in read.rows if row.row is not None or row.error]
-    passing = dict(zip(read.grading.apertures, read.grading.passing, strict=True)) if read.grading else {}
-    apertures = [row.row.aperture if row.row else None for row in rows]
-    frame = pd.DataFrame(
-        {
-            "row": [str(row.line) for row in rows],
-            "sieve [mm]": [plain(_sieve(row.text, aperture)) for row, aperture in zip(rows, apertures, strict=True)],
-            values: [f"{row.row.value:g}" if row.row else "" for row in rows],
-            "passing [%]": [f"{100.0 * passing[a]:.1f}" if a in passing else "" for a in apertures],
-            "what is wrong": [plain(pressed(row.error or "")) for row in rows],
-        }
-    )
-    wrong = any(row.error for row in rows)
-    if rows:
-        st.table(frame.drop(columns="passing [%]" if wrong else "what is wrong"), hide_index=True)
-
-
-def _sieve(text: str, aperture: float | None) -> str:
-    """Return a sieve as it is read, or as it was typed where it could not be, and of the pan."""
-    return text.split("\t", maxsplit=1)[0] if aperture is None else f"{aperture:g}"
+def _ask(column: DeltaGenerator, name: str, **how: Any) -> None:
+    column.text_input(LABELS[name], key=name, **how)
 
 
 def _keep(target: Store, entered: EnteredAggregate) -> None:

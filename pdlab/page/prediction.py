@@ -81,10 +81,7 @@ def _beside(report: PredictionReport) -> None:
         named = [name for name in BESIDE if heading(name) in shown]
         st.caption(". ".join(f"{begun(heading(name))}: {QUANTITIES[name].meaning}" for name in named) + ".")
     if report.measured is None:
-        st.caption(
-            "The mixture was not measured. To compare, import a density test of it: a file packing_tests.csv with the "
-            "columns material (the mixture's name), compaction and voids_percent, taken in by `pdlab import`."
-        )
+        st.caption("The mixture was not measured. To compare, enter a density test of it below.")
     if report.tested_otherwise:
         st.warning(plain(begun(report.tested_otherwise)))
     if report.theory_message:

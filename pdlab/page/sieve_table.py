@@ -9,7 +9,7 @@ from pdlab import experiments, tables
 from pdlab.errors import PdlabError
 from pdlab.experiments import SIEVE_TEXTS, EnteredAggregate
 from pdlab.grading import KINDS, SIEVE_SETS
-from pdlab.page.wording import plain
+from pdlab.page.wording import LABELS, plain
 from pdlab.quantities import heading
 
 BASE, TURN, NOW, REFUSED = "sieve_base", "sieve_turn", "sieves_now", "file_refused"
@@ -36,11 +36,13 @@ def ask_texts() -> dict[str, str]:
     first.selectbox("Sieves", [FREE, *SIEVE_SETS], key="sieve_set", on_change=_choose_set)
     second.selectbox("The values are", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key="kind")
     mass, pan, standard, date = st.columns([3, 3, 4, 4], vertical_alignment="bottom")
-    mass.text_input("Sample [g]", key="sample_mass_g", help="Its mass; empty when unknown.",
+    mass.text_input(LABELS["sample_mass_g"], key="sample_mass_g", help="Its mass; empty when unknown.",
                     disabled=st.session_state["kind"] != "retained_g")  # fmt: skip
-    pan.text_input("Pan [mm]", key="pan_lower_mm", help="The smallest grain in the pan; empty when unknown.")
-    standard.text_input("Standard", key="sieve_standard", placeholder="EN 933-1")
-    date.text_input("Date", key="sieve_date", placeholder="2026-03-31")
+    pan.text_input(
+        LABELS["pan_lower_mm"], key="pan_lower_mm", help="The smallest grain in the pan; empty when unknown."
+    )
+    standard.text_input(LABELS["standard"], key="sieve_standard", placeholder="EN 933-1")
+    date.text_input(LABELS["date"], key="sieve_date", placeholder="2026-03-31")
     return {name: st.session_state[name] for name in SIEVE_TEXTS}
 
 

@@ -64,17 +64,19 @@ def _keep(value: str, seconds: int) -> None:
 
 def say() -> None:
     """Say who is signed in, beside a button that signs out; nothing where nobody need sign in."""
-    if not st.user.get("is_logged_in", False):
+    if not (name := signed_in()):
         return
     with st.container(horizontal=True, horizontal_alignment="right", vertical_alignment="center"):
-        st.text(f"Signed in as {who()}", width="content")  # as Markdown an address would be a link
+        st.text(f"Signed in as {name}", width="content")  # as Markdown an address would be a link
         st.button("Sign out", on_click=st.logout, key="sign_out", type="tertiary")
         if ASKED_FOR in st.context.cookies:  # told once
             _keep("''", seconds=0)
 
 
-def who() -> str:
-    """Return the e-mail address of who is signed in, else the name, else the provider's key for them."""
+def signed_in() -> str:
+    """Return who is signed in: the e-mail address, else the name, else the provider's key; empty without a sign-in."""
+    if not st.user.get("is_logged_in", False):
+        return ""
     claims = (st.user.get(name) for name in ("email", "name", "sub"))
     return next((str(claim) for claim in claims if claim), "somebody without a name")
 

@@ -3,18 +3,42 @@
 import re
 
 from pdlab.grading import KINDS
-from pdlab.quantities import QUANTITIES
+from pdlab.quantities import QUANTITIES, heading
 from pdlab.tables import DENSITY_KINDS
 
+LABELS = {
+    "name": "Name",
+    "delivery": "Delivery",
+    "particle_density_kg_m3": "Particle density [kg/m³]",
+    "density_basis": "Its basis",
+    "water_absorption_percent": "Absorption [%]",
+    "shape": "Shape",
+    "source": "Source",
+    "repose_angle_deg": "Repose angle [°]",
+    "wall_angle_deg": "Slip angle [°]",
+    "aperture_mm": "Sieve [mm]",
+    "sample_mass_g": "Sample [g]",
+    "pan_lower_mm": "Pan [mm]",
+    "standard": "Standard",
+    "date": "Date",
+    "compaction": "Compaction",
+    "repeats": "Repeats",
+    "standard_deviation": "Deviation",
+    "container_diameter_mm": "Container Ø [mm]",
+    "container_height_mm": "Its height [mm]",
+    "moisture_percent": "Moisture [%]",
+    "solid_volume_share": "Share of the solid volume",
+    "mass_share": "Share of the mass",
+}
+"""The columns of what is entered, as forms and tables name them; others are quantities."""
+BASIS_LABELS = {"oven_dry": "oven-dry", "ssd": "saturated surface-dry", "apparent": "apparent"}
+AFRESH = "Show what stands now"
+"""The button that gives up a correction, where another has corrected the same record meanwhile."""
 MISSING = "–"  # stands in a table where a value is missing
 
-LABELS = {name: QUANTITIES[name].short for name in (*DENSITY_KINDS, *KINDS)} | {
-    "particle_density_kg_m3": "particle density", "density_basis": "its basis", "repose_angle_deg": "repose angle",
-    "wall_angle_deg": "slip angle", "water_absorption_percent": "absorption", "moisture_percent": "moisture",
-    "standard_deviation": "deviation", "container_diameter_mm": "container Ø", "container_height_mm": "its height",
-    "solid_volume_share": "shares by solid volume",
-}  # fmt: skip
-"""What forms call the columns of tables."""
+WORDS = {name: label[0].lower() + label[1:].partition(" [")[0] for name, label in LABELS.items()}
+WORDS |= {name: QUANTITIES[name].short for name in (*DENSITY_KINDS, *KINDS)}
+"""The same within a sentence, without units."""
 
 
 def plain(text: str) -> str:
@@ -23,9 +47,15 @@ def plain(text: str) -> str:
 
 
 def pressed(text: str, button: str = "Predict") -> str:
-    """Return a sentence with the page's button and labels in place of a command and a table's columns."""
-    labelled = re.sub(rf"\b({'|'.join(LABELS)})\b", lambda found: LABELS[found[0]], text)
-    return re.sub(r"run 'pdlab (predict|refresh)'", f"press '{button}'", labelled)
+    """Return a sentence with the page's buttons and labels in place of commands and a table's columns."""
+    said = re.sub(rf"\b({'|'.join(WORDS)})\b", lambda found: WORDS[found[0]], text)
+    said = re.sub(r"run 'pdlab (predict|refresh)'", f"press '{button}'", said)
+    return re.sub(r"look at it with 'pdlab show .*' and", f"press '{AFRESH}' and", said)
+
+
+def named(column: str) -> str:
+    """Return what a column of what is entered is called."""
+    return LABELS.get(column) or (begun(heading(column)) if column in QUANTITIES else column)
 
 
 def digits(value: float) -> str:

@@ -1,7 +1,7 @@
 """What users bring, text → plain records, and back: one format for the shell, Python and the page; no SQL."""
 
 from pdlab.tables.appending import Output
-from pdlab.tables.cells import ParseError, above_zero, parse_integer, parse_number
+from pdlab.tables.cells import ParseError, Typed, above_zero, parse_integer, parse_number
 from pdlab.tables.conditions import Condition, check_columns, parse_condition, parse_order
 from pdlab.tables.designations import parse_aperture
 from pdlab.tables.files import read_frame, read_frames, read_path
@@ -37,6 +37,7 @@ __all__ = [
     "Slice",
     "Slices",
     "Tables",
+    "Typed",
     "above_zero",
     "check_columns",
     "check_pasted",

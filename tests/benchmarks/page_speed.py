@@ -33,6 +33,7 @@ VIEWS: dict[str, tuple[dict[str, str], ...]] = {
     "mixtures": ({}, {"mixture": "9990"}),
     "proportions": ({}, {"sweep": "1"}, {"sweep": "2"}),
     "new-aggregate": ({},),
+    "corrections": ({"aggregate": "7"}, {"mixture": "9990"}),
 }
 """What stands behind each view's address."""
 

@@ -61,6 +61,7 @@ VIEWS = {
     "new-mixture": View("mixtures?parts=4,5&shares=38.5&name=Concrete+0/16"),
     "mixture": View("mixtures?mixture=4"),
     "bed": View("mixtures?mixture=2", clicks=("drop_and_roll", "Show the bed in three dimensions")),
+    "corrections": View("corrections?aggregate=5"),
     "proportions": View("proportions?sweep=1"),
     "triangle": View("proportions?sweep=2"),
     "profiles": View("proportions?sweep=3"),
@@ -79,7 +80,7 @@ SANDS = {
         f"{name},{aperture},{passing}\n"
         for name, table in {
             "Sand 0/4": ((8, 100), (4, 93), (2, 74), (1, 55), (0.5, 33), (0.25, 12), (0.125, 3)),
-            "Gravel 4/16": ((31.5, 100), (16, 92), (8, 41), (4, 6), (2, 1)),
+            "Gravel 4/16": ((31.5, 100), (16, 92), (8, 14), (4, 6), (2, 1)),
             "Gravel 8/32": ((63, 100), (31.5, 95), (16, 38), (8, 4)),
         }.items()
         for aperture, passing in table
@@ -106,6 +107,9 @@ def fill(target: Store, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
     experiments.register(target, read_path(SHIPPED))
     experiments.register(target, read_path(folder))
+    experiments.correct(
+        target, {"sieve_result:5/2": {"passing_percent": "41"}}, "Anna", "digits swapped, 41 on the sheet"
+    )
     experiments.save_draft(target, "aggregate", DRAFT)
     runner = FormulaRunner(target)
     experiments.calibrate(target, runner, ["Gravel 4/16"], Way("auto"))
