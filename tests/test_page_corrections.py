@@ -239,7 +239,7 @@ def test_a_name_that_another_changed_is_an_edit_overtaken(stocked: Store) -> Non
 def test_who_is_signed_in_is_who_corrects(stocked: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signing_in, "st", SimpleNamespace(
         user={"is_logged_in": True, "email": "anna@lab.example"}, secrets=st.secrets, container=st.container,
-        text=st.text, button=st.button, logout=st.logout,
+        text=st.text, button=st.button, logout=st.logout, context=SimpleNamespace(cookies={}),
     ))  # fmt: skip
     app, _, record = of(stocked, "pebbles L", "packing_test")
     assert next(box for box in app.text_input if box.label == "Who corrects").disabled

@@ -94,11 +94,11 @@ def test_the_tests_that_were_entered_are_listed_and_the_newest_counts(stocked: S
 @pytest.mark.parametrize(
     ("kind", "texts", "sentence"),
     [
-        ("voids_percent", {"value": "much"}, "voids_percent: 'much' is no number; write it like 12.5 % or 12,5 %"),
-        ("voids_percent", {"value": "136"}, "voids_percent 136 gives a packing density of -0.36, outside (0, 1)"),
+        ("voids_percent", {"value": "much"}, "voids: 'much' is no number; write it like 12.5 % or 12,5 %"),
+        ("voids_percent", {"value": "136"}, "voids 136 gives a packing density of -0.36, outside (0, 1)"),
         ("voids_percent", {"repeats": "3"}, "the density test has no value; enter it, or empty its other fields"),
         ("voids_percent", {"value": "36", "date": "31.3.26"}, "date: '31.3.26' is no date"),
-        ("voids_percent", {"value": "36", "moisture_percent": "100"}, "moisture_percent: 100"),
+        ("voids_percent", {"value": "36", "moisture_percent": "100"}, "moisture: 100"),
         ("packing_density", {"value": "0.64", "standard_deviation": "0,6"}, "standard deviation 0.6 is 0.6 in PD"),
         ("bulk_density_kg_m3", {"value": "1600"}, "bulk density 1600 kg/m³ needs a particle density"),
     ],
