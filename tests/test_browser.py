@@ -362,7 +362,7 @@ def test_a_mixtures_density_test_is_entered_reloaded_saved_and_corrected_twice_i
     page.reload()
     expect(page.get_by_label("Value [kg/m³]")).to_have_value("35,2")
     page.get_by_role("combobox", name="Measured").click()
-    page.get_by_role("option", name="voids [%]").click()
+    page.get_by_role("option", name="voids", exact=True).click()
     expect(page.get_by_text("0.6480 ±")).to_be_visible()
     page.get_by_role("button", name="Save the density test").click()
     expect(page.get_by_text("saved: a density test of pebbles L+F 1:1")).to_be_visible()
