@@ -1,5 +1,6 @@
 """``pdlab serve``: the page and a runner beside it, started and ended together."""
 
+import signal
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from servers import free_port
+from servers import free_port, serving
 
 from pdlab import experiments
 from pdlab.experiments import Way, register
@@ -70,3 +71,16 @@ def test_what_is_wished_for_is_answered_while_the_page_is_served_and_both_end(tm
     assert "prediction 1: done" in log
     assert "Traceback" not in log
     target.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminal hangs up here")
+def test_a_terminal_that_is_closed_ends_both(tmp_path: Path) -> None:
+    port = free_port()
+    command = ("serve", "--store", str(tmp_path / "lab.db"), "--port", str(port))
+    with serving("pdlab.cli", *command, port=port, cwd=tmp_path, stdout=subprocess.DEVNULL) as server:
+        started = psutil.Process(server.pid).children(recursive=True)
+        assert len(started) >= 2
+        for _ in range(2):  # the kernel tells the processes of a terminal, and the shell tells its own
+            server.send_signal(signal.SIGHUP)
+        assert server.wait(60) == 0
+    assert not psutil.wait_procs(started, timeout=10)[1]
