@@ -13,7 +13,7 @@ from pdlab import mixture, store, sweep
 from pdlab.errors import InputError, PdlabError, UnknownName
 from pdlab.experiments.calibrations import CalibrationReport, calibrating
 from pdlab.experiments.predictions import part_of
-from pdlab.experiments.readings import measured_mixture
+from pdlab.experiments.readings import mean_density, measured_test
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.ways import Way
 from pdlab.models import Aggregate, Mixture, Sweep, SweepCalibration, SweepComponent, SweepRun, now
@@ -187,13 +187,12 @@ def _part(report: CalibrationReport) -> mixture.Part:
 
 
 def measured_mixes(session: Session, aggregate_ids: Sequence[int], compaction: str) -> list[MeasuredMix]:
-    """Return the mixtures of these aggregates alone that were tested in a compaction, with their current values."""
+    """Return the mixtures of these aggregates alone that were tested in a compaction, by the newest such test."""
     places, out = {key: k for k, key in enumerate(aggregate_ids)}, list[MeasuredMix]()
     for blend in store.measured_blends(session, aggregate_ids):
-        test, measured = store.newest_test(blend.packing_tests), measured_mixture(blend)
-        if test is None or measured is None:
-            continue
-        if protocol_of(test.compaction).compaction == compaction:
+        alike = [test for test in blend.packing_tests if protocol_of(test.compaction).compaction == compaction]
+        if (test := store.newest_test(alike)) is not None:
+            measured = measured_test(test, mean_density(blend))
             shares = _shares(blend, places)
             out.append(MeasuredMix(blend.name, shares, measured.packing_density, measured.standard_error))
     return out
