@@ -103,6 +103,7 @@ def test_the_figures_are_those_of_compare(lab: Store) -> None:
         assert (one.compared, one.otherwise) == (2, 1)  # 'B+C' is vibrated, its aggregates were tested loose
 
 
+SAID = ("expected_error", "message")
 WAYS = ("loose", "rodded", "vibrated", "unstated", "")
 
 
@@ -162,6 +163,10 @@ def test_whatever_was_tested_how_the_figures_are_those_of_compare(
             assert numbers_of(one.errors) == pytest.approx(numbers_of(own[one.method].errors if over else None))
             assert one.volume_mean == mean_off(known, VOLUME_MEAN, over)
             assert one.best_constant == (mean_off(compare(store, over), CONSTANT, over) if over else None)
+    said = {row[:2]: row[2:] for row in rows_of(store, "predictions", ["state!=open"], ["mixture", "method", *SAID])}
+    for report in comparisons(store):
+        error, message = said[report.mixture, report.method]
+        assert (error, message) == (pytest.approx(report.expected_error), report.message)
     known = compare(store)
     for name in names:
         found = parity(store, Filters(search=name)).judged

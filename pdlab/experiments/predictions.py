@@ -176,10 +176,6 @@ def open_blend(row: Mixture, known: Mapping[int, CalibrationReport]) -> _Blend:
         if report.choice:
             notes.append(f"{report.aggregate}: {report.choice}")
         parts.append(part_of(report, component.solid_volume_share / total))
-    test = store.newest_test(row.packing_tests)
-    by_angle = any(known[component.aggregate_id].angle is not None for component in row.components)
-    if by_angle and test is not None and test.compaction != "vibrated":
-        notes.append(f"the mixture's density test is {test.compaction}, what is calibrated to an angle is vibrated")
     return _Blend(row, parts, ids, notes)
 
 
