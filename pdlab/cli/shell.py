@@ -117,6 +117,7 @@ def open_lab(
     bar: Bar | None = None,
 ) -> Iterator["Lab"]:
     """Open the store, say when it is made, and show a bar while beds are simulated."""
+    from pdlab.experiments import damage_named
     from pdlab.lab import Lab
 
     bar = bar or Bar()
@@ -124,7 +125,8 @@ def open_lab(
         if lab.store.created and lab.store.url != "sqlite://":
             print(f"made a new store: {lab.store.url}")
         try:
-            yield lab
+            with damage_named(lab.store):
+                yield lab
         finally:
             bar.hide()
 

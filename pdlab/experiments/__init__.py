@@ -9,6 +9,7 @@ from pdlab.experiments.calibrations import CalibrationReport, calibrate, to_cali
 from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
+from pdlab.experiments.damage import damage_named, damages
 from pdlab.experiments.descent import Facts, show
 from pdlab.experiments.documents import (
     REPORTED,
@@ -198,6 +199,8 @@ __all__ = [
     "composition",
     "correct",
     "counted",
+    "damage_named",
+    "damages",
     "delete",
     "delete_draft",
     "entered_again",

@@ -8,7 +8,7 @@ from pdlab import store
 from pdlab.calibration import METHOD, REPOSE
 from pdlab.errors import PdlabError
 from pdlab.experiments import references
-from pdlab.experiments.readings import measured_mixture, protocol_of_text
+from pdlab.experiments.readings import measured_mixture, protocol_kept
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.theories import Theoretical
 from pdlab.models import Prediction
@@ -119,7 +119,7 @@ def _tested_otherwise(row: Prediction) -> str:
     test = store.newest_test(row.mixture.packing_tests)
     if row.state != "done" or row.method in REFERENCES or test is None:
         return ""
-    simulated = protocol_of_text(row.protocol).compaction
+    simulated = protocol_kept(row).compaction
     if test.compaction == simulated or (test.compaction == "unstated" and row.method != REPOSE):
         return ""
     return f"the mixture's density test is {test.compaction}, its beds are {simulated}: the difference is of both"
