@@ -15,6 +15,7 @@ PdlabError
 │   ├── SpecimenTooLarge    a mixture that needs more spheres than the cap
 │   ├── EditedMeanwhile     a row that another has changed since it was read
 │   ├── StillNeeded         a row that cannot be deleted, since others rest on it
+│   ├── DamagedRow          a row of the store that is not as pdlab wrote it
 │   ├── SignInError         a sign-in that is not configured where it must be, or wrongly
 │   └── StoreError          what is no store, a store of another revision, or a database that cannot be used now
 │       └── StoreAway       a database that does not answer now and may later: locked, restarting, out of reach
@@ -122,6 +123,10 @@ class EditedMeanwhile(InputError):
 
 class StillNeeded(InputError):
     """A row that cannot be deleted, since others rest on it."""
+
+
+class DamagedRow(InputError):
+    """A row of the store that is not as pdlab wrote it."""
 
 
 class SignInError(InputError):

@@ -37,9 +37,9 @@ from pdlab.experiments import (
     Verified,
     Way,
 )
+from pdlab.experiments.readings import specimen_kept
 from pdlab.frames import PREDICTION_COLUMNS, comparison_frame, prediction_frame, text_row
 from pdlab.grading import DEFAULT_RULE
-from pdlab.specimen import from_canonical
 from pdlab.sweep import WISHED_ERROR
 
 Texts = str | Iterable[str]
@@ -399,7 +399,7 @@ class Lab:
         """
         with self.store.read() as session:
             row, kept = store.find_bed(session, run)
-        specimen = from_canonical(row.specimen)
+        specimen = specimen_kept(row)
         with np.load(io.BytesIO(kept.archive)) as archive:
             place, species = standing(specimen, archive["place"]), archive["species"]
         return Bed(specimen, place, species, row.specimen_hash, row.state, row.error)

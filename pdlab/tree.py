@@ -67,7 +67,7 @@ def _of_sieve(facts: Facts) -> str:
 
 
 def _of_prediction(facts: Facts) -> str:
-    rule = facts["protocol"].get("diameter_rule")  # kept by what rests on no calibration
+    rule = (facts["protocol"] or {}).get("diameter_rule")  # kept by what rests on no calibration
     method = _method(facts) + (f", diameter rule {rule}" if rule else "")
     return f"{_error_bars(facts, 'standard_error')}, {method}, {_made(facts)}"
 
@@ -123,7 +123,8 @@ def _error_bars(facts: Facts, simulation: str) -> str:
 def _made(facts: Facts) -> str:
     ordered = facts["method"] == ORDERED
     by = "by a formula" if ordered else f"engine version {facts['engine_version'] or 'unknown'}"
-    return f"{facts['protocol']['compaction']}, {by}, {facts['state']} {_when(facts)} UTC"
+    compaction = facts["protocol"]["compaction"] if facts["protocol"] else "not simulated"
+    return f"{compaction}, {by}, {facts['state']} {_when(facts)} UTC"
 
 
 def _when(facts: Facts) -> str:

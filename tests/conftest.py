@@ -3,6 +3,7 @@
 import hashlib
 import importlib
 import itertools
+import json
 import math
 import sqlite3
 import tempfile
@@ -25,7 +26,7 @@ from pdlab.dem import VERSION
 from pdlab.dem.bed import rest_free
 from pdlab.experiments import listed, register, shipped
 from pdlab.lab import SHIPPED
-from pdlab.models import Comparison, SieveAnalysis
+from pdlab.models import Comparison, Prediction, SieveAnalysis
 from pdlab.specimen import Packing, Specimen
 from pdlab.store import Store, open_store, sieve_table, sizes
 from pdlab.store.databases import shown
@@ -301,18 +302,22 @@ def rows_of(target: Store, what: str, where: list[str], columns: list[str], sort
 
 def check_kept(target: Store) -> None:
     """Compare what is kept for the lists with what the view of comparisons and the sieve tables say."""
-    kinds = {column.name: column.type for column in Comparison.__table__.columns}
+    columns = [column for column in Comparison.__table__.columns if column.name != "simulated"]
+    kinds = {column.name: column.type for column in columns}
     view = sa.table("predicted_vs_measured", *(sa.column(name, kind) for name, kind in kinds.items()))
     names = ("finest_mm", "coarsest_mm", "log_mean_mm")
     with target.read() as session:
-        kept = session.execute(sa.select(*Comparison.__table__.columns)).all()
+        kept = session.execute(sa.select(*columns)).all()
         said = session.execute(sa.select(*view.c)).all()
+        pairs = sa.select(Prediction.protocol, Comparison.simulated).join_from(Comparison, Prediction)
+        beds = [(json.loads(text).get("compaction"), way) for text, way in session.execute(pairs)]
         analyses = list(session.scalars(sa.select(SieveAnalysis).options(selectinload(SieveAnalysis.results))))
         sieved = [([getattr(row, name) for name in names], sizes(sieve_table(row))) for row in analyses]
 
     def key(row: sa.Row[Any]) -> list[str]:
         return ["" if value in (None, "") else str(value) for value in row]
 
+    assert all(way == (simulated if simulated in ("loose", "rodded", "vibrated") else None) for simulated, way in beds)
     assert sorted(map(key, kept)) == sorted(map(key, said))
     for has, worked_out in sieved:
         assert has == pytest.approx([worked_out[name] for name in names], rel=1e-12)

@@ -10,9 +10,19 @@ import sqlalchemy as sa
 from conftest import FormulaRunner
 from rich.console import Console
 
+from pdlab import report
 from pdlab.errors import InputError, UnknownName
-from pdlab.experiments import Way, calibrate, correct, predict, show
-from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run, SieveAnalysis, now
+from pdlab.experiments import (
+    Way,
+    ask_predictions,
+    calibrate,
+    comparisons,
+    correct,
+    predict,
+    show,
+    to_predict,
+)
+from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Prediction, Run, SieveAnalysis, now
 from pdlab.store import Store
 from pdlab.tree import draw
 
@@ -43,6 +53,19 @@ def text_of(facts: dict[str, Any]) -> str:
     return out.get()
 
 
+def test_what_waits_is_shown_too_and_what_failed_before_any_bed(predicted: Store) -> None:
+    ask_predictions(predicted, to_predict(predicted, ["pebbles L+F 1:1"]), Way("static"), 0)
+    facts = show(predicted, "mixture:pebbles L+F 1:1")
+    assert facts["last_prediction"]["state"] == "queued"
+    assert "no PD, method static, not simulated" in text_of(facts)
+    with predicted.write() as session:
+        failed = {"state": "failed", "message": "no sieves"}
+        session.execute(sa.update(Prediction).where(Prediction.state == "queued").values(failed))
+    assert "no sieves" in text_of(show(predicted, "mixture:pebbles L+F 1:1"))
+    assert [one.message for one in comparisons(predicted) if one.state == "failed"] == ["no sieves"]
+    assert "no sieves" in report.named(predicted, "mixture:pebbles L+F 1:1")
+
+
 def test_a_prediction_leads_down_to_raw_sieve_text_seeds_and_engine(predicted: Store) -> None:
     facts = show(predicted, "prediction:2")
     assert facts["mixture"]["name"] == "pebbles L+F 1:1"
@@ -64,7 +87,7 @@ def test_a_prediction_leads_down_to_raw_sieve_text_seeds_and_engine(predicted: S
 def test_a_kept_text_that_is_broken_is_a_sentence(predicted: Store) -> None:
     with predicted.write() as session:
         session.execute(sa.update(Run).values(specimen="{broken"))
-    with pytest.raises(InputError, match=r"specimen '\{broken' of a row is not what pdlab wrote"):
+    with pytest.raises(InputError, match=r"^run:\w+: specimen '\{broken' is not what pdlab wrote"):
         show(predicted, "prediction:2")
 
 

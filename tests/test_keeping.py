@@ -202,13 +202,22 @@ def test_a_mixture_has_a_row_for_the_newest_prediction_of_each_method_and_none_f
         assert (last.method, last.variant) == ("static", "")
 
 
-def test_the_expected_error_rests_on_the_other_mixtures(compared: Store) -> None:
+@pytest.mark.parametrize("compaction", ["loose", "rodded", "unstated"])
+def test_the_expected_error_rests_on_the_other_mixtures_that_were_tested_as_their_beds(
+    compared: Store, folder: Callable[..., Path], compaction: str
+) -> None:
+    text = f"material,compaction,packing_density\nA+B,{compaction},0.7\n"
+    register(compared, read_path(folder(packing_tests=text) / "packing_tests.csv"))
     reports = [report for report in comparisons(compared) if report.difference is not None]
+    tested_otherwise = [report.mixture for report in reports if report.tested_otherwise]
+    assert tested_otherwise == (["A+B"] if compaction == "rodded" else [])
+    listed_errors = dict(rows_of(compared, "predictions", [], ["prediction_id", "expected_error"]))
     for report in reports:
-        others = [other.difference or 0.0 for other in reports if other is not report]
+        others = [other.difference or 0.0 for other in reports if other is not report and not other.tested_otherwise]
         own = sum(value**2 for value in others) / len(others)
         errors = (report.standard_error or 0.0) ** 2 + (report.input_error or 0.0) ** 2
-        assert report.expected_error == pytest.approx((errors + own) ** 0.5, rel=1e-9)
+        expected = pytest.approx((errors + own) ** 0.5, rel=1e-9)
+        assert (report.expected_error, listed_errors[report.prediction_id]) == (expected, expected)
 
 
 def test_the_view_of_aggregates_says_what_the_services_compute(compared: Store, formula_runner: Any) -> None:

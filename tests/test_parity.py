@@ -4,7 +4,8 @@ import csv
 import datetime as dt
 import io
 import math
-from collections.abc import Callable, Iterable
+import random
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 import sqlalchemy as sa
 from conftest import FormulaRunner, rows_of
 
+from pdlab.comparison import Errors
 from pdlab.experiments import (
     LISTED,
     Filters,
@@ -28,6 +30,7 @@ from pdlab.experiments import (
     register,
 )
 from pdlab.experiments import parity as service
+from pdlab.experiments.comparing import CONSTANT, VOLUME_MEAN, Compared
 from pdlab.models import Mixture, PackingTest, Prediction
 from pdlab.store import Store
 from pdlab.tables import csv_text, read_path
@@ -98,6 +101,94 @@ def test_the_figures_are_those_of_compare(lab: Store) -> None:
                if report.method == one.method]  # fmt: skip
         assert one.volume_mean == pytest.approx(sum(off) / len(off))
         assert (one.compared, one.otherwise) == (2, 1)  # 'B+C' is vibrated, its aggregates were tested loose
+
+
+SAID = ("expected_error", "message")
+WAYS = ("loose", "rodded", "vibrated", "unstated", "")
+
+
+def drawn(target: Store, folder: Callable[..., Path], seed: int) -> Store:
+    """A store of aggregates and mixtures whose tests are of any compaction or missing; some tested anew, predicted."""
+    draw = random.Random(seed)
+
+    def tests(names: Iterable[str], ways: Iterable[str]) -> str:
+        lines = ["material,compaction,bulk_density_kg_m3,voids_percent,packing_density"]
+        for name, way in zip(names, ways, strict=True):
+            density = draw.uniform(0.575, 0.605)
+            value = draw.choice((*[f"{2450.0 * density},,"] * 3, f",{100.0 - 100.0 * density},", f",,{density}"))
+            lines += [f"{name},{way},{value}"] if way else []
+        return "\n".join(lines)
+
+    parts, usual = [f"A{k}" for k in range(8)], draw.choice(WAYS[:3])
+    ways = [draw.choice((*[usual] * 6, *WAYS)) for _ in parts]
+    blends = {f"M{k:02}": draw.sample(parts, draw.choice((2, 2, 3))) for k in range(24)}
+    of_blends = [draw.choice((ways[parts.index(few[0])], *WAYS)) for few in blends.values()]
+    bases = ("2500,oven_dry,", "2540,ssd,1.2", "2600,apparent,1.1")
+    register(target, read_path(folder(
+        aggregates="name,particle_density_kg_m3,density_basis,water_absorption_percent,repose_angle_deg\n"
+        + "".join(f"{name},{bases[k % 3]},{draw.uniform(15.0, 20.0)}\n" for k, name in enumerate(parts)),
+        sieves="aggregate,aperture_mm,passing_percent\n"
+        + "".join(f"{name},{20 * k + 20},100\n{name},{20 * k},0\n" for k, name in enumerate(parts, 1)),
+        packing_tests=tests((*parts, *blends), (*ways, *of_blends)),
+        mixtures="mixture,aggregate,solid_volume_share\n"
+        + "".join(f"{name},{part},{1.0 / len(few)}\n" for name, few in blends.items() for part in few),
+    )))  # fmt: skip
+    methods = ("monosized", "repose", "ordered", "drop_and_roll")
+    for method in methods:
+        predict(target, FormulaRunner(target), (), Way(method))
+    anew = [*draw.sample(parts, 3), *draw.sample(list(blends), 6)]
+    ways_anew = [draw.choice(WAYS[:4]) for _ in anew]
+    register(target, read_path(folder(packing_tests=tests(anew, ways_anew)) / "packing_tests.csv"))
+    predict(target, FormulaRunner(target), draw.sample(list(blends), 10))
+    return target
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_was_tested_how_the_figures_are_those_of_compare(
+    store: Store, folder: Callable[..., Path], seed: int
+) -> None:
+    drawn(store, folder, seed)
+    names = [f"M{k:02}" for k in range(24)]
+    for search in ("", "1"):
+        asked = [name for name in names if search in name]
+        known, reports = compare(store, asked), comparisons(store, names=asked)
+        own = {one.method: one for one in known.over_own}
+        found = parity(store, Filters(search=search)).judged
+        assert {one.method for one in found} == {report.method for report in reports if report.state != "open"}
+        for one in found:
+            done = [report for report in reports if report.method == one.method and report.state == "done"]
+            over = own[one.method].mixtures if one.method in own else ()
+            measured = sum(report.measured is not None for report in done)
+            assert (one.compared, one.otherwise) == (len(over), measured - len(over))
+            assert numbers_of(one.errors) == pytest.approx(numbers_of(own[one.method].errors if over else None))
+            assert one.volume_mean == mean_off(known, VOLUME_MEAN, over)
+            assert one.best_constant == (mean_off(compare(store, over), CONSTANT, over) if over else None)
+    said = {row[:2]: row[2:] for row in rows_of(store, "predictions", ["state!=open"], ["mixture", "method", *SAID])}
+    for report in comparisons(store):
+        error, message = said[report.mixture, report.method]
+        assert (error, message) == (pytest.approx(report.expected_error), report.message)
+    known = compare(store)
+    for name in names:
+        found = parity(store, Filters(search=name)).judged
+        alone = {one.method: mean_off(known, VOLUME_MEAN, [name]) for one in known.over_own if name in one.mixtures}
+        assert [one.volume_mean for one in found if one.compared] == [
+            alone[one.method] for one in found if one.compared
+        ]
+
+
+def numbers_of(errors: Errors | None) -> list[float | None]:
+    """All numbers of a method's errors."""
+    if errors is None:
+        return []
+    figures = (errors.bias, errors.mean_absolute, errors.root_mean_square)
+    ends = [value for one in figures for value in (one.value, one.low, one.high)]
+    return [errors.mixtures, errors.largest, errors.where, *ends]
+
+
+def mean_off(known: Compared, method: str, mixtures: Sequence[str]) -> Any:
+    """The mean absolute error of a method over mixtures, None where it has none of one of them."""
+    off = [known.difference(method, name) for name in mixtures]
+    return pytest.approx(np.abs(off).mean()) if off and None not in off else None
 
 
 def test_the_mean_of_the_others_is_judged_over_the_same_mixtures(lab: Store) -> None:
@@ -256,8 +347,11 @@ def test_an_empty_store_has_nothing_to_show(store: Store) -> None:
     assert parity_csv(store).count("\n") == 1
 
 
-def test_what_knows_no_aggregate_alone_has_no_volume_mean(pebbles: Store) -> None:
+def test_a_method_that_rests_on_no_density_test_is_judged_beside_the_volume_mean_of_what_was_tested(
+    pebbles: Store,
+) -> None:
     predict(pebbles, FormulaRunner(pebbles), way=Way("ordered"))
     found = parity(pebbles)
-    assert [(one.method, one.compared, one.volume_mean) for one in found.judged] == [("ordered", 3, None)]
+    off = pytest.approx(mean_off(compare(pebbles), VOLUME_MEAN, compare(pebbles).common))
+    assert [(one.method, one.compared, one.volume_mean) for one in found.judged] == [("ordered", 3, off)]
     assert all(math.isfinite(value) for value in found.points.measured_error)

@@ -89,13 +89,14 @@ def grit(target: Store, folder: Path) -> None:
     experiments.register(target, read_path(folder))
 
 
-def test_the_measured_points_are_the_current_tests_of_mixtures_of_these_aggregates_alone(
+def test_the_measured_points_are_the_newest_tests_of_the_sweep_s_compaction_of_mixtures_of_these_aggregates_alone(
     pebbles: Store, folder: Callable[..., Path]
 ) -> None:
     experiments.register_mixture(pebbles, "not tested", ids(pebbles, *ENDS), [0.3, 0.7], by_mass=False)
     experiments.register_mixture(pebbles, "three", ids(pebbles, *PEBBLES), [0.2, 0.3, 0.5], by_mass=False)
     experiments.register_mixture(pebbles, "rodded", ids(pebbles, *ENDS), [0.4, 0.6], by_mass=False)
     tests = "three,loose,0.66\nrodded,rodded,0.67\npebbles L+F 1:1,loose,0.651\n"
+    tests += "pebbles L+F 1:1,rodded,0.68\n"
     experiments.register(pebbles, read_path(folder(packing_tests="material,compaction,packing_density\n" + tests)))
     known = experiments.proportions(pebbles, keep(pebbles, ENDS[::-1], (0.4, 0.6)))
     assert [(mix.name, mix.shares, mix.packing_density) for mix in known.measured] == [

@@ -1,5 +1,6 @@
 """``pdlab serve``: the page and a runner beside it, started and ended together."""
 
+import signal
 import subprocess
 import sys
 import time
@@ -12,10 +13,10 @@ from pathlib import Path
 
 import psutil
 import pytest
-from servers import free_port
+from servers import free_port, serving
 
 from pdlab import experiments
-from pdlab.cli import serving
+from pdlab.cli.serving import _pages
 from pdlab.experiments import Way, register
 from pdlab.lab import SHIPPED
 from pdlab.models import Prediction
@@ -45,7 +46,7 @@ def test_what_the_configuration_of_a_clone_says_is_what_serve_says() -> None:
     sections |= {f"theme.{name}": values for name, values in sections.pop("theme").items()}
     flags = [f"--{name}.{key}={value}" for name, values in sections.items() for key, value in values.items()]
     told = {flag.replace("=True", "=true").replace("=False", "=false") for flag in flags}
-    assert told <= set(serving._pages("127.0.0.1", 8501))
+    assert told <= set(_pages("127.0.0.1", 8501))
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
@@ -81,3 +82,19 @@ def test_what_is_wished_for_is_answered_while_the_page_is_served_and_both_end(tm
     assert "prediction 1: done" in log
     assert "Traceback" not in log
     target.close()
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no terminal hangs up here")
+def test_a_terminal_that_is_closed_ends_both(tmp_path: Path) -> None:
+    port = free_port()
+    command = ("serve", "--store", str(tmp_path / "lab.db"), "--port", str(port))
+    with serving("pdlab.cli", *command, port=port, cwd=tmp_path, stdout=subprocess.DEVNULL) as server:
+        started = psutil.Process(server.pid).children(recursive=True)
+        assert len(started) >= 2
+        for _ in range(2):  # the kernel tells the processes of a terminal, and the shell tells its own
+            server.send_signal(signal.SIGHUP)
+        code = server.wait(60)
+    _, left = psutil.wait_procs(started, timeout=10)
+    for one in left:
+        one.kill()
+    assert (code, left) == (0, [])

@@ -18,6 +18,7 @@ from pdlab.cli.shell import (
     Threads,
     Workers,
     duration,
+    end_as_by_ctrl_c,
     end_with,
     open_lab,
     print_table,
@@ -133,14 +134,10 @@ def runner(
 ) -> None:
     """Work on what is wished for on the page or by others, until Ctrl-C; several runners may share a store."""
     import os
-    import signal
 
     from pdlab.batch.working import serve
 
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, stop)
+    end_as_by_ctrl_c()
     if hasattr(os, "nice"):
         os.nice(5)  # the page comes first
     with open_lab(store, workers, threads, scheduler) as lab:

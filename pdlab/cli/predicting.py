@@ -142,6 +142,7 @@ def _show_predictions(reports: Sequence["PredictionReport"]) -> None:
             f"({known or 'nothing else is known of all of them'})"
         )
     _print_notes((report.mixture, text) for report in reports if report.error is None for text in report.notes)
+    _print_notes((report.mixture, report.tested_otherwise) for report in reports)
     _print_notes((report.mixture, report.theory_message) for report in reports)
 
 

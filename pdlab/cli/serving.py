@@ -1,7 +1,6 @@
 """The page and the runner beside it."""
 
 import os
-import signal
 import subprocess
 import sys
 from contextlib import suppress
@@ -10,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pdlab.cli.shell import Scheduler, Store, Workers
+from pdlab.cli.shell import Scheduler, Store, Workers, end_as_by_ctrl_c
 from pdlab.errors import InputError, SignInError
 
 HERE = "127.0.0.1"
@@ -77,7 +76,7 @@ def serve(
     place = f"[{address}]" if ":" in address else address
     seen = "who signs in" if signed_in else "all on this machine, without a sign-in"
     print(f"the page: http://{place}:{port} for {seen} (store {opened.url}; Ctrl-C ends it)", flush=True)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    end_as_by_ctrl_c()
     hosts = [] if signed_in else _hosts(address)
     started = [subprocess.Popen([sys.executable, *_pages(number, port), *hosts], env=environment)]
     try:

@@ -1,6 +1,7 @@
 """What every verb has: options, the open store with its progress bar, tables, exit codes."""
 
 import logging
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -116,6 +117,7 @@ def open_lab(
     bar: Bar | None = None,
 ) -> Iterator["Lab"]:
     """Open the store, say when it is made, and show a bar while beds are simulated."""
+    from pdlab.experiments import damage_named
     from pdlab.lab import Lab
 
     bar = bar or Bar()
@@ -123,7 +125,8 @@ def open_lab(
         if lab.store.created and lab.store.url != "sqlite://":
             print(f"made a new store: {lab.store.url}")
         try:
-            yield lab
+            with damage_named(lab.store):
+                yield lab
         finally:
             bar.hide()
 
@@ -183,3 +186,20 @@ def check_writable(output: Path) -> None:
             pass
     except OSError as error:
         raise InputError(f"{output} cannot be written ({error.strerror}); choose another file") from error
+
+
+def end_as_by_ctrl_c() -> None:
+    """Take SIGTERM, and the SIGHUP of a terminal that is closed, as Ctrl-C, once: none comes between while all ends.
+
+    A hang-up that is ignored stays so: who starts a process by nohup wants it kept.
+    """
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    heard = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+
+    def stop(*_: object) -> None:
+        for number in heard:
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for number in heard:
+        signal.signal(number, stop)

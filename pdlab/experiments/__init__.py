@@ -9,6 +9,7 @@ from pdlab.experiments.calibrations import CalibrationReport, calibrate, to_cali
 from pdlab.experiments.comparing import Compared, MethodErrors, compare
 from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.corrections import Corrected, correct, delete
+from pdlab.experiments.damage import damage_named, damages
 from pdlab.experiments.descent import Facts, show
 from pdlab.experiments.documents import (
     REPORTED,
@@ -220,6 +221,8 @@ __all__ = [
     "correct",
     "correct_recorded",
     "counted",
+    "damage_named",
+    "damages",
     "delete",
     "delete_draft",
     "entered_again",

@@ -12,9 +12,10 @@ from pdlab.errors import InputError, UnknownName
 from pdlab.experiments import references
 from pdlab.experiments.calibrations import calibration_report
 from pdlab.experiments.predictions import open_blend
+from pdlab.experiments.readings import specimen_kept
 from pdlab.experiments.references import REFERENCES
 from pdlab.models import Prediction, Run, RunState
-from pdlab.specimen import Specimen, components, from_canonical, on_grid
+from pdlab.specimen import Specimen, components, on_grid
 from pdlab.store import Store
 
 
@@ -45,7 +46,7 @@ def prediction_bed(target: Store, prediction_id: int, most: int) -> DrawnBed:
             raise UnknownName(f"the store holds no prediction {prediction_id}; choose another")
         run, archive = _first_bed(session, row)
         parts = _parts(session, row)
-    specimen, scale = from_canonical(run.specimen), max(size for part in parts for size, _ in part.sizes)
+    specimen, scale = specimen_kept(run), max(size for part in parts for size, _ in part.sizes)
     names, of_species = _named(specimen, parts, scale)
     with np.load(io.BytesIO(archive)) as kept:
         place, species = np.array(kept["place"], dtype=np.float64), kept["species"].astype(np.int64)

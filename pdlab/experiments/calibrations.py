@@ -1,6 +1,5 @@
 """Calibrate aggregates: how each becomes spheres, the curve of their packing density, the rows that keep it."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ from pdlab.density import MeasuredPacking
 from pdlab.errors import InputError, OutOfReach, PdlabError, SpecimenTooLarge, StoreError
 from pdlab.experiments.curves import Curves
 from pdlab.experiments.opening import Open, open_calibration
-from pdlab.experiments.readings import measured_test, particle_density, protocol_of_text
+from pdlab.experiments.readings import kept, measured_test, particle_density, protocol_kept
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.ways import AUTO, METHODS, OTHERS, Way
 from pdlab.grading import DEFAULT_RULE
@@ -365,9 +364,15 @@ def _measured(row: Calibration, aggregate: Aggregate) -> float:
     return math.nan if test is None else measured_test(test, particle_density(aggregate)).packing_density
 
 
+def spheres_of(row: Calibration) -> Sizes:
+    """Return the spheres that stand for a calibrated aggregate, diameters in mm."""
+    if not row.spheres:
+        return ((row.diameter_mm, 1.0),)
+    return kept(row, "spheres", lambda value: tuple((float(size), float(share)) for size, share in value))
+
+
 def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationReport:
     """Return a stored calibration as the report it gave."""
-    sizes = json.loads(row.spheres) if row.spheres else [(row.diameter_mm, 1.0)]
     return CalibrationReport(
         aggregate=aggregate.name,
         aggregate_id=aggregate.id,
@@ -375,12 +380,12 @@ def calibration_report(aggregate: Aggregate, row: Calibration) -> CalibrationRep
         method=row.method,
         diameter=row.diameter_mm,
         rule=row.diameter_rule,
-        sizes=tuple((size, share) for size, share in sizes),
+        sizes=spheres_of(row),
         measured=_measured(row, aggregate),
         angle=row.measured_angle_deg,
         wall=row.wall_friction,
         compaction=row.packing_test.compaction if row.packing_test else "",
-        protocol=protocol_of_text(row.protocol),
+        protocol=protocol_kept(row),
         friction=float(row.friction or 0.0),
         rolling=float(row.rolling_friction or 0.0),
         result=_result(row) if row.state == "done" else None,

@@ -103,7 +103,7 @@ def _rests_on_these_proportions(row: Prediction) -> bool:
         return False
     parts = open_blend(row.mixture, known).parts
     try:
-        bed = mixture.next_specimens(parts, [], stiffer=stiffer_than(parts, row.protocol))[0]
+        bed = mixture.next_specimens(parts, [], stiffer=stiffer_than(parts, row))[0]
     except PdlabError:  # what the rows say now cannot be simulated at all
         return False
     return bed.digest(row.engine_version or 0) in {run.specimen_hash for run in row.runs}

@@ -1,7 +1,6 @@
 """Where a number comes from: a result → its calibrations → tests and sieves → runs, with every correction."""
 
 import datetime as dt
-import json
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,8 +8,8 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from pdlab import store
-from pdlab.errors import InputError
 from pdlab.experiments.addresses import address, find, row_key
+from pdlab.experiments.readings import an_object, kept
 from pdlab.experiments.references import REFERENCES
 from pdlab.models import (
     CORRECTABLE,
@@ -29,7 +28,8 @@ from pdlab.store import Store
 Facts = dict[str, Any]
 """A row as plain data, by column, with what it rests on nested inside."""
 SHOWN = ("prediction", "sweep", "mixture", "calibration", "aggregate", "run", "sieve_analysis", "packing_test")
-JSON_COLUMNS = ("protocol", "specimen", "slab_shares", "spheres", "curve", "asked")
+JSON_LISTS = ("slab_shares", "spheres")
+JSON_COLUMNS = ("protocol", "specimen", "curve", "asked", *JSON_LISTS)
 
 
 def show(target: Store, what: str) -> Facts:
@@ -73,20 +73,18 @@ def history(session: Session, entered: dict[tuple[str, str], dt.datetime]) -> li
 def plain(row: Base, with_parents: bool = False) -> Facts:
     """Return a row's columns as plain data, without the keys of its parents unless they are asked for."""
     columns = [column for column in sa.inspect(type(row)).columns if with_parents or not column.foreign_keys]
-    return {column.name: _plain(column.name, getattr(row, column.name)) for column in columns}
+    return {column.name: _plain(row, column.name) for column in columns}
 
 
-def _plain(name: str, value: Any) -> Any:
+def _plain(row: Base, name: str) -> Any:
+    value = getattr(row, name)
     if isinstance(value, dt.date):
         return value.isoformat()
     if name not in JSON_COLUMNS or not isinstance(value, str):  # a run counts its spheres
         return value
-    try:
-        return json.loads(value)
-    except ValueError as error:
-        raise InputError(
-            f"{name} '{value[:40]}' of a row is not what pdlab wrote ({error}); put a backup in the store's place"
-        ) from error
+    if not value:  # of a wish that waits
+        return None
+    return kept(row, name, list if name in JSON_LISTS else an_object)
 
 
 def _last_result(session: Session, row: Base) -> Calibration | Prediction | None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from pdlab import store
 from pdlab.errors import UnknownName
+from pdlab.experiments.readings import an_object, kept
 from pdlab.models import Draft, now
 from pdlab.store import Store
 
@@ -58,5 +59,10 @@ def delete_draft(target: Store, draft_id: int) -> None:
         store.delete_draft(session, draft_id)
 
 
+def fields_of(row: Draft) -> dict[str, Any]:
+    """Return the texts that stood in the form. Raises DamagedRow for what is no draft."""
+    return kept(row, "content", an_object)
+
+
 def _drafted(row: Draft) -> Drafted:
-    return Drafted(row.id, row.kind, json.loads(row.content), row.saved_at)
+    return Drafted(row.id, row.kind, fields_of(row), row.saved_at)

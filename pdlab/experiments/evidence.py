@@ -2,7 +2,6 @@
 
 import datetime as dt
 import itertools
-import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,15 +13,17 @@ from pdlab.errors import InputError
 from pdlab.experiments.addresses import row_key
 from pdlab.experiments.descent import history
 from pdlab.experiments.readings import (
+    an_object,
     current_grading,
+    kept,
     measured_test,
     particle_density,
-    protocol_of_text,
+    protocol_kept,
     sieve_table,
+    specimen_kept,
 )
 from pdlab.grading import Grading
 from pdlab.models import Aggregate, Base, Calibration, Correction, Mixture, PackingTest, Prediction, Run, SieveAnalysis
-from pdlab.specimen import from_canonical
 from pdlab.tables import DENSITY_KINDS
 
 
@@ -212,7 +213,7 @@ def calibration_shown(row: Calibration) -> ShownCalibration:
         row.measured_packing_density, row.measured_angle_deg, (row.friction, row.friction_low, row.friction_high),
         (row.rolling_friction, row.rolling_friction_low, row.rolling_friction_high), row.packing_density,
         row.input_error, row.curve_error, row.engine_version, row.finished_at, row.message or "",
-        tuple((row.warnings or "").splitlines()), protocol_of_text(row.protocol).settings(),
+        tuple((row.warnings or "").splitlines()), protocol_kept(row).settings(),
         runs_shown([link.run for link in row.runs]),
     )  # fmt: skip
 
@@ -223,9 +224,11 @@ def runs_shown(rows: Sequence[Run]) -> tuple[ShownRun, ...]:
 
 
 def settings_of(row: Prediction) -> Mapping[str, Any]:
-    """Return the protocol that a prediction's beds were made by, or what a geometric reference keeps of itself."""
-    settings: Mapping[str, Any] = json.loads(row.protocol)
-    return settings
+    """Return the protocol that a prediction's beds were made by, or what a geometric reference keeps of itself.
+
+    Empty of a wish that failed before any bed.
+    """
+    return kept(row, "protocol", an_object) if row.protocol else {}
 
 
 def mixture_corrections(session: Session, row: Mixture) -> tuple[ShownCorrection, ...]:
@@ -302,7 +305,7 @@ def _corrected(one: Correction) -> ShownCorrection:
 
 
 def _run(row: Run) -> ShownRun:
-    species = from_canonical(row.specimen).species
+    species = specimen_kept(row).species
     spheres = tuple((kind.count, kind.diameter, kind.friction, kind.rolling) for kind in species)
     return ShownRun(
         row.specimen_hash, row.seed, spheres, row.packing_density, row.repose_angle_deg, row.steps,

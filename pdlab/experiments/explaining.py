@@ -15,7 +15,7 @@ from pdlab.experiments.curves import Curves
 from pdlab.experiments.opening import Open, open_calibration
 from pdlab.experiments.readings import is_stale, older_engine
 from pdlab.experiments.waiting import Waiting, waiting_of
-from pdlab.experiments.ways import AUTO, Way
+from pdlab.experiments.ways import AUTO, Way, way_of
 from pdlab.experiments.wishes import ask_calibrations
 from pdlab.models import Aggregate, Calibration
 from pdlab.store import Store
@@ -81,8 +81,9 @@ def explain(target: Store, aggregate_id: int) -> Explained:
         newest = store.newest_engine(session)
     fit = ended[0] if ended else None
     known = Explained(row.id, f"{row.name} {row.delivery}".strip(), calibration_id=fit.id if fit is not None else None)
-    method = MONOSIZED if fit is None or fit.method == AUTO else fit.method  # a wish that failed chose none
-    way = Way(method) if fit is None else Way(method, fit.diameter_rule, leave_out=fit.leave_out_below_mm)
+    way = Way() if fit is None else way_of(fit)
+    if way.method == AUTO:  # a wish that failed chose none
+        way = replace(way, method=MONOSIZED, leave_out=None)
     try:
         opened = open_calibration(row, way)
         curves = Curves(target, (fit.engine_version if fit is not None else newest) or 0)

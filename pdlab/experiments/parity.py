@@ -124,7 +124,8 @@ class Judged:
 
     ``otherwise``: those that were tested in another compaction than their aggregates and left out. ``errors``: None
     where there is none. ``volume_mean``, ``best_constant``: the mean absolute errors [-], over the
-    same mixtures, of the mean of their aggregates and of the mean of the other mixtures' measured packing densities.
+    same mixtures, of the mean of their aggregates' current tests, None where one mixture has no such mean, and of the
+    mean of the other mixtures' measured packing densities.
     """
 
     method: str
@@ -290,10 +291,12 @@ def _judge(session: Session, table: _Table, is_whole: bool) -> tuple[Judged, ...
 def _judged(method: str, table: _Table, at: NDArray[np.int64], alone: Mapping[int, store.Alone]) -> Judged:
     """Return the errors of a method at places of the table."""
     known = [alone[key] for key in table.mixture_id[at].tolist()]
-    first, last = (_texts([one.ways[end] for one in known]) for end in (0, 1))
-    alike = _alike(method, first, last, table.compaction[at])
-    means = np.array([one.mean for one in known], dtype=float)[alike]
-    at, otherwise = at[alike], int(np.count_nonzero(~alike))
+    way, stated = _texts([one.way for one in known]), table.compaction[at]
+    compaction = np.where(stated == "unstated", way, stated)
+    alike = _alike(method, compaction, way)
+    means = np.array([one.mean for one in known], dtype=float)
+    means[compaction != way] = math.nan
+    at, means, otherwise = at[alike], means[alike], int(np.count_nonzero(~alike))
     measured = table.measured[at]
     if not at.size:
         return Judged(method, 0, otherwise, None)
@@ -303,18 +306,14 @@ def _judged(method: str, table: _Table, at: NDArray[np.int64], alone: Mapping[in
     return Judged(method, at.size, otherwise, errors, None if math.isnan(off) else off, constant)
 
 
-def _alike(method: str, first: NDArray[np.str_], last: NDArray[np.str_], tested: NDArray[np.str_]) -> NDArray[np.bool_]:
-    """Return whether mixtures were tested in the compaction that a method predicts, as ``compare`` has it.
+def _alike(method: str, compaction: NDArray[np.str_], way: NDArray[np.str_]) -> NDArray[np.bool_]:
+    """Return whether mixtures of a ``compaction`` may be held against a method, as ``compare`` has it.
 
-    ``first`` and ``last`` of the compactions of their aggregates' tests; ``tested``: their own.
+    ``way``: the compaction of their aggregates' tests, which is that of a calibrated method's beds.
     """
-    stated = np.where(tested == "unstated", "", tested)
-    if method == REPOSE:
-        vibrated = np.where(stated == "", (first == "vibrated") & (last == "vibrated"), stated == "vibrated")
-        return np.asarray(vibrated, dtype=np.bool_)
     if method in REFERENCES:
-        return np.ones(tested.shape, dtype=np.bool_)
-    return np.asarray((first == last) & ((stated == "") | (first == "") | (stated == first)), dtype=np.bool_)
+        return np.ones(way.shape, dtype=np.bool_)
+    return np.asarray(compaction == ("vibrated" if method == REPOSE else way), dtype=np.bool_)
 
 
 def _cells(values: Numbers, times: int) -> NDArray[np.int64]:

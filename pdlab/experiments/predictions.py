@@ -1,6 +1,5 @@
 """Predict mixtures from calibrated aggregates; what is kept of the same calibrations and beds is read."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from pdlab import mixture, store
 from pdlab.errors import InputError, PdlabError, ProtocolError, TooSoft
 from pdlab.experiments import references
 from pdlab.experiments.calibrations import CalibrationReport, calibrating
-from pdlab.experiments.readings import protocol_text
+from pdlab.experiments.readings import kept, protocol_text
 from pdlab.experiments.references import ORDERED, REFERENCES
 from pdlab.experiments.reports import PredictionReport, reports_of, with_theory
 from pdlab.experiments.theories import components_of, evaluate, recipes
@@ -150,15 +149,15 @@ def _is_kept_by(blend: _Blend, row: Prediction, way: Way) -> bool:
         if way.method == ORDERED or not same:
             return same
     try:
-        bed = mixture.next_specimens(blend.parts, [], stiffer=stiffer_than(blend.parts, row.protocol))[0]
+        bed = mixture.next_specimens(blend.parts, [], stiffer=stiffer_than(blend.parts, row))[0]
     except PdlabError:
         return False
     return bed.digest(row.engine_version or 0) in {link.specimen_hash for link in row.runs}
 
 
-def stiffer_than(parts: Sequence[mixture.Part], protocol: str) -> float:
-    """Return how many times as stiff as in the calibrations the contacts of a kept protocol are."""
-    overlap: float = json.loads(protocol).get("nominal_overlap", math.nan)
+def stiffer_than(parts: Sequence[mixture.Part], row: Prediction) -> float:
+    """Return how many times as stiff as in the calibrations the contacts of a prediction's beds are."""
+    overlap = kept(row, "protocol", lambda value: float(value.get("nominal_overlap", math.nan)))
     usual = mixture.common_protocol(parts).nominal_overlap
     return 1.0 if math.isnan(overlap) else usual / overlap
 
@@ -176,10 +175,6 @@ def open_blend(row: Mixture, known: Mapping[int, CalibrationReport]) -> _Blend:
         if report.choice:
             notes.append(f"{report.aggregate}: {report.choice}")
         parts.append(part_of(report, component.solid_volume_share / total))
-    test = store.newest_test(row.packing_tests)
-    by_angle = any(known[component.aggregate_id].angle is not None for component in row.components)
-    if by_angle and test is not None and test.compaction != "vibrated":
-        notes.append(f"the mixture's density test is {test.compaction}, what is calibrated to an angle is vibrated")
     return _Blend(row, parts, ids, notes)
 
 

@@ -9,11 +9,11 @@ from sqlalchemy.orm import Session
 from pdlab import density, store
 from pdlab.errors import InputError, UnknownName
 from pdlab.experiments.mixing import aggregates_of, full_name
-from pdlab.experiments.readings import is_stale, measured_aggregate, particle_density, protocol_of_text
+from pdlab.experiments.readings import is_stale, measured_aggregate, particle_density, protocol_kept
 from pdlab.experiments.sweeps import MeasuredMix, measured_mixes, rests_on_measured, result_of
 from pdlab.experiments.theories import over_shares
 from pdlab.experiments.waiting import Waiting, waiting_of
-from pdlab.experiments.ways import Way, way_of_text
+from pdlab.experiments.ways import Way, way_kept
 from pdlab.experiments.wishes import ask_sweep
 from pdlab.models import Aggregate, Calibration, Sweep
 from pdlab.store import Store
@@ -121,7 +121,7 @@ def _measured(session: Session, aggregates: Sequence[Aggregate], fits: Sequence[
     """Return the tested mixtures of aggregates, none of a sweep that rests on no calibration."""
     if not fits:
         return []
-    return measured_mixes(session, [row.id for row in aggregates], protocol_of_text(fits[0].protocol).compaction)
+    return measured_mixes(session, [row.id for row in aggregates], protocol_kept(fits[0]).compaction)
 
 
 def _alone(aggregates: Sequence[Aggregate]) -> tuple[MeasuredMix, ...]:
@@ -138,7 +138,7 @@ def _theories(row: Sweep, aggregates: Sequence[Aggregate], result: Swept) -> tup
     """Return what theory makes of the proportions of two aggregates, and why one makes nothing of them."""
     if len(aggregates) != 2:
         return {}, {}
-    rule = way_of_text(row.method, row.variant, row.asked).rule
+    rule = way_kept(row).rule
     values, errors = over_shares(aggregates, np.asarray(result.shares), rule, THEORIES)
     return values, {name: str(error) for name, error in errors.items()}
 

@@ -2,19 +2,22 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 from pdlab import angles, density, grading, store
 from pdlab.calibration import GRADED
 from pdlab.density import MeasuredPacking
-from pdlab.errors import AngleError, GradingError, InputError
+from pdlab.errors import AngleError, DamagedRow, GradingError, InputError, ProtocolError
+from pdlab.experiments.addresses import address
 from pdlab.grading import Grading
-from pdlab.models import Aggregate, Calibration, Mixture, PackingTest, Run
-from pdlab.specimen import REPOSE, VIBRATED, Packing, Protocol, on_grid, protocol_of
+from pdlab.models import Aggregate, Base, Calibration, Mixture, PackingTest, Prediction, Run
+from pdlab.specimen import REPOSE, VIBRATED, Packing, Protocol, Specimen, from_canonical, on_grid, protocol_of
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS
 
+T = TypeVar("T")
 sieve_table = store.sieve_table
 
 
@@ -102,7 +105,7 @@ def packing_of(run: Run) -> Packing:
         packing_density=math.nan if run.packing_density is None else run.packing_density,
         coordination_number=float(run.coordination_number or 0.0),
         height=float(run.height or 0.0),
-        slab_shares=tuple(json.loads(run.slab_shares or "[]")),
+        slab_shares=kept(run, "slab_shares", lambda value: tuple(map(float, value))) if run.slab_shares else (),
         largest_overlap=float(run.largest_overlap or 0.0),
         rest=run.rest or "",
         steps=int(run.steps or 0),
@@ -178,9 +181,40 @@ def _disagreement(aggregate: Aggregate, test: PackingTest) -> list[str]:
     ]
 
 
-def protocol_of_text(text: str) -> Protocol:
+CANNOT_BE = (ArithmeticError, AssertionError, AttributeError, LookupError, StopIteration, TypeError, ValueError)
+"""What becomes of a row that pdlab did not write, wherever it is read."""
+REMEDY = "put a backup in the store's place"
+
+
+def kept(row: Base, column: str, read: Callable[[Any], T]) -> T:
+    """Return what a row keeps as JSON in a column, as ``read`` makes it. Raises DamagedRow, naming the row."""
+    text = getattr(row, column)
+    try:
+        return read(json.loads(text))
+    except (*CANNOT_BE, InputError) as error:
+        raise DamagedRow(
+            f"{address(row)}: {column} '{str(text)[:40]}' is not what pdlab wrote ({error}); {REMEDY}"
+        ) from error
+
+
+def an_object(value: Any) -> dict[str, Any]:
+    """Return what JSON held if that is an object. Raises TypeError."""
+    if not isinstance(value, dict):
+        raise TypeError("no object")
+    return value
+
+
+def protocol_kept(row: Calibration | Prediction) -> Protocol:
     """Return the protocol that was kept with a result; what an older version did not name is the default."""
-    return Protocol(**json.loads(text))
+    return kept(row, "protocol", lambda value: Protocol(**value))
+
+
+def specimen_kept(run: Run) -> Specimen:
+    """Return the specimen of a run. Raises ProtocolError, naming the run."""
+    try:
+        return from_canonical(run.specimen)
+    except ProtocolError as error:
+        raise ProtocolError(f"{address(run)}: {error}") from error
 
 
 def protocol_text(protocol: Protocol) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from pdlab import geometry, grading, mixture
 from pdlab.errors import InputError, PdlabError
-from pdlab.experiments.readings import current_grading
+from pdlab.experiments.readings import an_object, current_grading, kept
 from pdlab.models import Aggregate, Mixture, Prediction
 from pdlab.specimen import PLACED, Packing, Protocol, on_grid
 
@@ -73,7 +73,7 @@ def made_by(method: str, rule: str, parts: Sequence[mixture.Part]) -> str:
 
 def rule_of(row: Prediction) -> str:
     """Return the diameter rule that is kept with a reference; empty where none is, which nothing is current by."""
-    return str(json.loads(row.protocol).get("diameter_rule", ""))
+    return str(kept(row, "protocol", an_object).get("diameter_rule", "")) if row.protocol else ""
 
 
 def is_current(row: Prediction, aggregates: Mapping[int, Aggregate]) -> bool:

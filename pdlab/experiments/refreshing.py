@@ -11,7 +11,7 @@ from pdlab.experiments.comparisons import comparisons
 from pdlab.experiments.predictions import predict
 from pdlab.experiments.readings import older_engine
 from pdlab.experiments.reports import PredictionReport
-from pdlab.experiments.ways import Way
+from pdlab.experiments.ways import Way, way_of
 from pdlab.grading import DEFAULT_RULE
 from pdlab.models import Calibration
 from pdlab.plan import RunAll, finish
@@ -74,21 +74,17 @@ def refresh(target: Store, run_all: RunAll, engine_version: int, names: Sequence
     for way in dict.fromkeys(_way_of_prediction(report) for report in before):
         names = [report.mixture for report in before if _way_of_prediction(report) == way]
         predicted |= {(report.mixture, way): report for report in predict(target, run_all, names, way)}
-    for way in dict.fromkeys(_way_of_calibration(fit) for fit in fits):
-        rows = [fit.aggregate for fit in fits if _way_of_calibration(fit) == way]
+    for way in dict.fromkeys(way_of(fit) for fit in fits):
+        rows = [fit.aggregate for fit in fits if way_of(fit) == way]
         reports = finish(calibrating(target, rows, way, engine_version), run_all)
         calibrated |= {(report.aggregate_id, way): report for report in reports}
-    return [_of_aggregate(fit, calibrated[fit.aggregate_id, _way_of_calibration(fit)]) for fit in fits] + [
+    return [_of_aggregate(fit, calibrated[fit.aggregate_id, way_of(fit)]) for fit in fits] + [
         _of_mixture(report, predicted[report.mixture, _way_of_prediction(report)]) for report in before
     ]
 
 
 def _way_of_prediction(report: PredictionReport) -> Way:
     return Way(report.method, report.rule or DEFAULT_RULE, leave_out=report.leave_out)
-
-
-def _way_of_calibration(fit: Calibration) -> Way:
-    return Way(fit.method, fit.diameter_rule, leave_out=fit.leave_out_below_mm)
 
 
 def _older_fits(fits: Sequence[Calibration], engine_version: int) -> list[Calibration]:

@@ -8,7 +8,7 @@ from pdlab import store
 from pdlab.calibration import METHOD, REPOSE
 from pdlab.errors import PdlabError
 from pdlab.experiments import references
-from pdlab.experiments.readings import measured_mixture, protocol_of_text
+from pdlab.experiments.readings import measured_mixture, protocol_kept
 from pdlab.experiments.references import REFERENCES
 from pdlab.experiments.theories import Theoretical
 from pdlab.models import Prediction
@@ -50,8 +50,8 @@ class PredictionReport:
 
     @property
     def message(self) -> str:
-        """What there is to say of it: why there is none, its warnings, what changed since."""
-        return "; ".join(self.notes)
+        """What there is to say of it: why there is none, its warnings, what changed since, an unlike measurement."""
+        return "; ".join(text for text in (*self.notes, self.tested_otherwise) if text)
 
     @property
     def difference(self) -> float | None:
@@ -113,13 +113,14 @@ def with_theory(report: PredictionReport, beside: Theoretical) -> PredictionRepo
 def _tested_otherwise(row: Prediction) -> str:
     """Return what to say where a mixture's density test is of another compaction than its beds; empty where not.
 
-    A geometric reference has no compaction, and of what is calibrated to an angle the warnings say it.
+    A geometric reference has no compaction; an unstated one is taken for that of the aggregates' tests, where it was
+    these that were calibrated to.
     """
     test = store.newest_test(row.mixture.packing_tests)
-    if row.state != "done" or row.method in REFERENCES or row.method == REPOSE or test is None:
+    if row.state != "done" or row.method in REFERENCES or test is None:
         return ""
-    simulated = protocol_of_text(row.protocol).compaction
-    if test.compaction in ("unstated", simulated):
+    simulated = protocol_kept(row).compaction
+    if test.compaction == simulated or (test.compaction == "unstated" and row.method != REPOSE):
         return ""
     return f"the mixture's density test is {test.compaction}, its beds are {simulated}: the difference is of both"
 
@@ -136,12 +137,13 @@ def _volume_mean(row: Prediction) -> float | None:
 def with_expected_error(report: PredictionReport, count: int, squares: float) -> PredictionReport:
     """Add the simulation's error, the inputs' and, from two other comparisons on, their RMS difference.
 
-    ``count``: the comparisons of its method and engine; ``squares``: the sum of their squared differences [-].
+    ``count``: the comparisons of its method and engine with mixtures tested as their beds are; ``squares``: the sum of
+    their squared differences [-].
     """
     if report.packing_density is None:
         return report
     others, rest = count, squares
-    if report.difference is not None:
+    if report.difference is not None and not report.tested_otherwise:
         others, rest = count - 1, squares - report.difference**2
     own = math.sqrt(max(rest, 0.0) / others) if others >= 2 else 0.0  # below 0 by rounding only
     return replace(report, expected_error=math.hypot(report.standard_error or 0.0, report.input_error or 0.0, own))

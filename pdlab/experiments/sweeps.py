@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,9 @@ from pdlab import mixture, store, sweep
 from pdlab.errors import InputError, PdlabError, UnknownName
 from pdlab.experiments.calibrations import CalibrationReport, calibrating
 from pdlab.experiments.predictions import part_of
-from pdlab.experiments.readings import measured_mixture
+from pdlab.experiments.readings import an_object, kept, mean_density, measured_test
 from pdlab.experiments.references import REFERENCES
-from pdlab.experiments.ways import Way
+from pdlab.experiments.ways import Way, way_kept
 from pdlab.models import Aggregate, Mixture, Sweep, SweepCalibration, SweepComponent, SweepRun, now
 from pdlab.plan import Plan, RunAll, at_once, finish
 from pdlab.specimen import on_grid, protocol_of
@@ -164,8 +165,8 @@ def _find_equal(target: Store, asked: _Asked) -> Sweep | None:
 
 def rests_on_measured(row: Sweep, measured: Sequence[Measurement | MeasuredMix]) -> bool:
     """Return whether a stored sweep took in these measured mixtures, and no others."""
-    kept = json.loads(row.curve or "{}").get("measured")
-    return bool(kept == [list(mix.shares) for mix in measured])
+    taken = kept(row, "curve", an_object).get("measured") if row.curve else None
+    return bool(taken == [list(mix.shares) for mix in measured])
 
 
 def _working_out(target: Store, asked: _Asked) -> Plan[None]:
@@ -187,13 +188,12 @@ def _part(report: CalibrationReport) -> mixture.Part:
 
 
 def measured_mixes(session: Session, aggregate_ids: Sequence[int], compaction: str) -> list[MeasuredMix]:
-    """Return the mixtures of these aggregates alone that were tested in a compaction, with their current values."""
+    """Return the mixtures of these aggregates alone that were tested in a compaction, by the newest such test."""
     places, out = {key: k for k, key in enumerate(aggregate_ids)}, list[MeasuredMix]()
     for blend in store.measured_blends(session, aggregate_ids):
-        test, measured = store.newest_test(blend.packing_tests), measured_mixture(blend)
-        if test is None or measured is None:
-            continue
-        if protocol_of(test.compaction).compaction == compaction:
+        alike = [test for test in blend.packing_tests if protocol_of(test.compaction).compaction == compaction]
+        if (test := store.newest_test(alike)) is not None:
+            measured = measured_test(test, mean_density(blend))
             shares = _shares(blend, places)
             out.append(MeasuredMix(blend.name, shares, measured.packing_density, measured.standard_error))
     return out
@@ -324,7 +324,11 @@ def _curve_text(result: Swept, measured: Sequence[Measurement]) -> str:
 
 def result_of(row: Sweep) -> Swept:
     """Return what a stored sweep gave."""
-    kept = json.loads(row.curve or "{}")
+    return kept(row, "curve", partial(_swept, row))
+
+
+def _swept(row: Sweep, kept: dict[str, Any]) -> Swept:
+    """Return what a sweep gave from the plain data that are kept of it."""
     test = kept["next_test"]
     return Swept(
         aggregates=tuple(part.aggregate.name for part in row.components),
@@ -352,7 +356,7 @@ def report_of(target: Store, sweep_id: int) -> SweepReport:
     return SweepReport(
         aggregates=tuple(part.aggregate.name for part in row.components),
         method=row.method,
-        rule=json.loads(row.asked or "{}").get("rule", ""),
+        rule=way_kept(row).rule if row.asked else "",
         result=result,
         notes=tuple(text for text in (row.message, *(row.warnings or "").splitlines()) if text),
         state=row.state,

@@ -176,6 +176,6 @@ class _Deviations:
 def _but_seed(run: Run) -> str:
     try:
         content = json.loads(run.specimen)
-    except ValueError:
+        return json.dumps({**content, "seed": None}, sort_keys=True)
+    except (ValueError, TypeError):
         return run.specimen_hash
-    return json.dumps({**content, "seed": None}, sort_keys=True)

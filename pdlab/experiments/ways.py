@@ -1,14 +1,19 @@
 """How aggregates become spheres: by which method, diameter rule and number of seeds, and what is assumed."""
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 from pdlab import calibration, grading
 from pdlab.calibration import GRADED, MONOSIZED, REPOSE, ROLLING
-from pdlab.errors import InputError
+from pdlab.errors import DamagedRow, InputError
+from pdlab.experiments.addresses import address
+from pdlab.experiments.readings import REMEDY, kept
 from pdlab.experiments.references import REFERENCES
 from pdlab.grading import DEFAULT_RULE
+from pdlab.models import Base, Calibration, Prediction, Sweep
 from pdlab.specimen import Protocol
 
 AUTO = "auto"
@@ -50,7 +55,7 @@ class Way:
             )
 
     def text(self) -> str:
-        """Return all but method and variant as JSON, as it is kept with a wish; see ``way_of_text``."""
+        """Return all but method and variant as JSON, as it is kept with a wish; see ``way_kept``."""
         facts = asdict(self)
         return json.dumps({name: facts[name] for name in sorted(facts.keys() - {"method", "variant"})})
 
@@ -59,8 +64,23 @@ class Way:
         return replace(protocol, **dict(self.settings))
 
 
-def way_of_text(method: str, variant: str, text: str | None) -> Way:
-    """Return the way that a wish asks for."""
-    facts = json.loads(text or "{}")
-    settings = tuple((name, value) for name, value in facts.pop("settings", ()))
-    return Way(method=method, variant=variant, settings=settings, **facts)
+def way_kept(row: Calibration | Prediction | Sweep) -> Way:
+    """Return the way that a wish asks for. Raises DamagedRow for what is none."""
+
+    def read(asked: dict[str, Any]) -> Way:
+        settings = tuple((name, value) for name, value in asked.pop("settings", ()))
+        return Way(method=row.method, variant=row.variant, settings=settings, **asked)
+
+    return kept(row, "asked", read) if row.asked else _named(row, partial(read, {}))
+
+
+def way_of(fit: Calibration) -> Way:
+    """Return the way that a calibration was made by. Raises DamagedRow for what is none."""
+    return _named(fit, partial(Way, fit.method, fit.diameter_rule, leave_out=fit.leave_out_below_mm))
+
+
+def _named(row: Base, make: Callable[[], Way]) -> Way:
+    try:
+        return make()
+    except InputError as error:
+        raise DamagedRow(f"{address(row)}: {error}; {REMEDY}") from error

@@ -12,7 +12,7 @@ from pdlab.experiments.predictions import answered, predicting
 from pdlab.experiments.reports import PredictionReport, reports_of
 from pdlab.experiments.sweeps import SweepReport, read_sweep, sweeping
 from pdlab.experiments.sweeps import report_of as report_of_sweep
-from pdlab.experiments.ways import Way, way_of_text
+from pdlab.experiments.ways import Way, way_kept
 from pdlab.models import Aggregate, Calibration, Mixture, Prediction, Sweep, SweepComponent
 from pdlab.plan import Plan, at_once
 from pdlab.store import Claim, Key, Store
@@ -134,7 +134,7 @@ def answering(target: Store, key: Key, who: str, engine_version: int) -> Plan[Re
 def _calibrating(target: Store, claim: Claim, engine_version: int) -> Plan[CalibrationReport]:
     with target.read() as session:
         wish = store.claimed(session, Calibration, claim)
-        way = way_of_text(wish.method, wish.variant, wish.asked)
+        way = way_kept(wish)
         rows = store.aggregates_by_id(session, [wish.aggregate_id])
     reports = yield from calibrating(target, rows, way, engine_version, claim)
     return reports[0]
@@ -143,7 +143,7 @@ def _calibrating(target: Store, claim: Claim, engine_version: int) -> Plan[Calib
 def _predicting(target: Store, claim: Claim, engine_version: int) -> Plan[PredictionReport]:
     with target.read() as session:
         wish = store.claimed(session, Prediction, claim)
-        way = way_of_text(wish.method, wish.variant, wish.asked)
+        way = way_kept(wish)
         rows = store.mixtures_by_id(session, [wish.mixture_id])
     reports = yield from predicting(target, rows, way, engine_version, claim)
     return reports[0]
@@ -152,7 +152,7 @@ def _predicting(target: Store, claim: Claim, engine_version: int) -> Plan[Predic
 def _sweeping(target: Store, claim: Claim, engine_version: int) -> Plan[SweepReport]:
     with target.read() as session:
         wish = store.claimed(session, Sweep, claim)
-        way = way_of_text(wish.method, wish.variant, wish.asked)
+        way = way_kept(wish)
         ids, wished_error, most = store.swept(wish), wish.wished_error, wish.most_specimens
         known = {row.id: row for row in store.aggregates_by_id(session, ids)}
     rows = [known[key] for key in ids]

@@ -276,11 +276,15 @@ class SweepCalibration(Base):
 class Comparison(Base):
     """What the view ``predicted_vs_measured`` says of a mixture and a method, kept for the lists.
 
-    ``method``: empty where the mixture was not predicted yet. The store writes it (``store/keeping.py``).
+    ``method``: empty where the mixture was not predicted yet. ``compaction``: of the mixture's density test;
+    ``simulated``: of the prediction's beds, missing where they have none. The store writes it (``store/keeping.py``).
     """
 
     __tablename__ = "comparison"
-    __table_args__ = (Index(None, "prediction_id"), Index(None, "method", "engine_version", "difference"))
+    __table_args__ = (
+        Index(None, "prediction_id"),
+        Index("ix_comparison_spread", "method", "engine_version", "simulated", "compaction", "difference"),
+    )
     mixture_id: Mapped[int] = mapped_column(ForeignKey("mixture.id", ondelete="CASCADE"), primary_key=True)
     method: Mapped[str] = mapped_column(String(32), primary_key=True)
     mixture: Mapped[str]
@@ -291,6 +295,7 @@ class Comparison(Base):
     standard_error: Mapped[float | None]
     input_error: Mapped[float | None]
     compaction: Mapped[str | None]
+    simulated: Mapped[str | None]
     measured: Mapped[float | None]
     difference: Mapped[float | None]
     message: Mapped[str | None]

@@ -7,7 +7,7 @@ from typing import Literal
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
 
-from pdlab import store
+from pdlab import experiments, store
 from pdlab.errors import InputError, PdlabError, StoreError
 from pdlab.page import (
     aggregates,
@@ -93,7 +93,8 @@ def _draw(title: str, show: Callable[[Store], None], target: Store | None, refus
     with st.container():
         links.said()
     try:
-        show(target)
+        with experiments.damage_named(target):
+            show(target)
     except PdlabError as error:  # such as a database that does not answer now
         st.error(plain(str(error)))
 

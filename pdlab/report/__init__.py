@@ -25,7 +25,11 @@ def aggregate(target: Store, aggregate_id: int, at: dt.datetime | None = None) -
 
     Raises UnknownName, and InputError for a date without a zone.
     """
-    known = experiments.aggregate_document(target, aggregate_id)
+    with experiments.damage_named(target):
+        return _aggregate(experiments.aggregate_document(target, aggregate_id), at)
+
+
+def _aggregate(known: AggregateDocument, at: dt.datetime | None) -> str:
     return page(
         "aggregate.html", title=f"Aggregate {known.inputs.name}", known=known, at=_dated(at),
         mark=STATES.get(_state(known), ""), state=_state(known), grading=_grading(known), curve=_curve(known),
@@ -37,7 +41,11 @@ def mixture(target: Store, mixture_id: int, method: str | None = None, at: dt.da
 
     Raises UnknownName, and InputError for what is no method and for a date without a zone.
     """
-    known = experiments.mixture_document(target, mixture_id, method)
+    with experiments.damage_named(target):
+        return _mixture(experiments.mixture_document(target, mixture_id, method), at)
+
+
+def _mixture(known: MixtureDocument, at: dt.datetime | None) -> str:
     state, composed = known.prediction.state, known.composed
     used = [fit.key for fit in known.calibrations]
     shown = [part for part in known.parts if part.explained.calibration_id in used or not used]

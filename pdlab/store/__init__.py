@@ -1,6 +1,7 @@
 """The store: databases, transactions and the only SELECTs."""
 
 from pdlab.store.copying import TableCopy, backup, copy
+from pdlab.store.damage import damaged_rows
 from pdlab.store.databases import identity, shown_url, store_url
 from pdlab.store.descent import (
     blends_with,
@@ -116,6 +117,7 @@ __all__ = [
     "copy",
     "corrections",
     "count_rows",
+    "damaged_rows",
     "delete_draft",
     "deliveries",
     "differences",

@@ -14,10 +14,28 @@ from sqlalchemy.orm import ORMExecuteState, Session
 
 from pdlab.errors import GradingError
 from pdlab.grading import SieveRow, SieveTable, equivalent_diameter, make_grading
-from pdlab.models import Aggregate, Comparison, Mark, Mixture, MixtureComponent, SieveAnalysis, SieveResult
+from pdlab.models import (
+    Aggregate,
+    Comparison,
+    Mark,
+    Mixture,
+    MixtureComponent,
+    Prediction,
+    SieveAnalysis,
+    SieveResult,
+)
+from pdlab.specimen import LOOSE, RODDED, VIBRATED
 from pdlab.store.selects import parts
 
-VIEW = sa.table("predicted_vs_measured", *(sa.column(column.name) for column in Comparison.__table__.columns))
+COLUMNS = [column.name for column in Comparison.__table__.columns if column.name != "simulated"]
+VIEW = sa.table("predicted_vs_measured", *map(sa.column, COLUMNS))
+SIMULATED = sa.case(
+    *(
+        (Prediction.protocol.contains(f'"compaction": "{way.compaction}"'), way.compaction)
+        for way in (LOOSE, RODDED, VIBRATED)
+    )
+)
+"""The compaction of a prediction's beds; a geometric reference has none."""
 READ = (
     "aggregate", "sieve_analysis", "sieve_result", "packing_test", "mixture", "mixture_component", "calibration",
     "prediction", "prediction_calibration", "correction",
@@ -91,13 +109,13 @@ def comparison_mark(session: Session) -> str:
 
 def compare(session: Session, mixture_ids: Sequence[int] | None = None) -> None:
     """Write the comparisons of these mixtures anew, or all."""
-    columns = [column.name for column in Comparison.__table__.columns]
-    said = [sa.func.coalesce(VIEW.c.method, "") if name == "method" else VIEW.c[name] for name in columns]
-    gone, come = sa.delete(Comparison), sa.select(*said)
+    said = [sa.func.coalesce(VIEW.c.method, "") if name == "method" else VIEW.c[name] for name in COLUMNS]
+    come = sa.select(*said, SIMULATED).outerjoin_from(VIEW, Prediction, Prediction.id == VIEW.c.prediction_id)
+    gone = sa.delete(Comparison)
     if mixture_ids is not None:
         gone, come = gone.where(Comparison.mixture_id.in_(mixture_ids)), come.where(VIEW.c.mixture_id.in_(mixture_ids))
     session.execute(gone)
-    session.execute(sa.insert(Comparison).from_select(columns, come))
+    session.execute(sa.insert(Comparison).from_select([*COLUMNS, "simulated"], come))
 
 
 def sieve_table(analysis: SieveAnalysis) -> SieveTable:

@@ -12,6 +12,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
+from pdlab.calibration import REPOSE
 from pdlab.density import DEFAULT_ERROR
 from pdlab.models import (
     Aggregate,
@@ -181,16 +182,27 @@ def _measured_error(test: sa.FromClause) -> Column:
     return sa.case((PAIRS.c.measured.is_not(None), sa.func.coalesce(stated, DEFAULT_ERROR, type_=sa.Float)))
 
 
+def _tested_otherwise() -> Column:
+    """Return whether a mixture was tested in another compaction than its beds: the difference is not the method's."""
+    stated = (PAIRS.c.compaction != "unstated") | (PAIRS.c.method == REPOSE)
+    return sa.func.coalesce(stated & (PAIRS.c.compaction != PAIRS.c.simulated), sa.false(), type_=sa.Boolean)
+
+
+def _own_difference() -> Column:
+    """Return the difference that tells of a method; missing where the mixture was tested otherwise."""
+    return sa.case((sa.not_(_tested_otherwise()), PAIRS.c.difference))
+
+
 def _spread() -> sa.Select[Any]:
-    """Return how many differences there are by method and engine, and the sum of their squares."""
-    group = (PAIRS.c.method, PAIRS.c.engine_version)
-    count, squares = sa.func.count(PAIRS.c.difference), sa.func.sum(PAIRS.c.difference * PAIRS.c.difference)
+    """Return how many differences tell of each method and engine, and the sum of their squares."""
+    group, own = (PAIRS.c.method, PAIRS.c.engine_version), _own_difference()
+    count, squares = sa.func.count(own), sa.func.sum(own * own)
     return sa.select(*group, count.label("number"), squares.label("squares")).group_by(*group)
 
 
 def _expected_error(spread: sa.FromClause) -> Column:
     """Return the simulation's error, the inputs' and, from two other comparisons on, their RMS difference."""
-    difference = PAIRS.c.difference
+    difference = _own_difference()
     count = spread.c.number - sa.case((difference.is_not(None), 1), else_=0)
     squares = spread.c.squares - sa.func.coalesce(difference * difference, 0.0)
     own = sa.case(((count >= 2) & (squares > 0.0), squares / count), else_=0.0)
@@ -208,17 +220,23 @@ def _message(engine_version: int) -> Column:
     of_old_shares = sa.case(
         ((PAIRS.c.state == "outdated") & older.is_(None), "the mixture was corrected since; run 'pdlab predict' again")
     )
+    otherwise = sa.case((
+        PAIRS.c.state.in_(("done", "outdated")) & _tested_otherwise(),
+        sa.literal("the mixture's density test is ") + PAIRS.c.compaction + sa.literal(", its beds are ")
+        + PAIRS.c.simulated + sa.literal(": the difference is of both"),
+    ))  # fmt: skip
     notes = (
         PAIRS.c.message,
         sa.func.replace(PAIRS.c.warnings, "\n", "; ", type_=sa.Text),
         sa.func.coalesce(of_old_tests, of_old_shares),
         older,
+        otherwise,
     )
     said: Column = sa.literal("")
     for note in notes:
         said = said + sa.func.coalesce(sa.literal("; ") + note, "", type_=sa.Text)
     none_yet = sa.literal("not predicted yet: run 'pdlab predict'")
-    nothing = (PAIRS.c.state == "done") & PAIRS.c.warnings.is_(None) & PAIRS.c.message.is_(None) & older.is_(None)
+    nothing = (PAIRS.c.state == "done") & sa.and_(*(note.is_(None) for note in (*notes[:2], older, otherwise)))
     return sa.case((nothing, ""), (PAIRS.c.state == "open", none_yet), else_=sa.func.substr(said, 3, type_=sa.Text))
 
 
@@ -328,6 +346,6 @@ def _meets(column: Column, comparison: str, value: Value | Sequence[Value]) -> C
 
 
 def differences(session: Session) -> dict[tuple[str, int | None], tuple[int, float]]:
-    """Return, by method and engine, the number of predictions that have a measurement and Σ (their difference)²."""
+    """Return, by method and engine, the number of predictions whose mixture was tested alike and Σ difference²."""
     rows = session.execute(_spread().where(PAIRS.c.difference.is_not(None)))
-    return {(row.method, row.engine_version): (row.number, row.squares) for row in rows}
+    return {(row.method, row.engine_version): (row.number, row.squares or 0.0) for row in rows}

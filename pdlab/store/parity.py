@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import sqlalchemy as sa
 from sqlalchemy.orm import Session, aliased
 
-from pdlab.models import Aggregate, Calibration, Comparison, Mixture, MixtureComponent, PackingTest
+from pdlab.density import WATER_DENSITY
+from pdlab.models import Aggregate, Comparison, Mixture, MixtureComponent, PackingTest
 from pdlab.store.selects import parts
-
-ENDS = (sa.func.min, sa.func.max)
 
 
 def names_in_mixtures(session: Session, most: int) -> list[str]:
@@ -28,51 +27,56 @@ def methods(session: Session) -> list[str]:
 
 @dataclass(frozen=True)
 class Alone:
-    """What is known of a mixture's aggregates, each alone.
+    """What the current density tests of a mixture's aggregates say of each alone.
 
-    ``mean``: Σ y_i PD_i [-] of their last calibrations, None where one has none to a density test; where one was
-    tested anew since, the mixture's predictions are outdated. ``ways``: the compactions of their current density
-    tests, the first and the last by name, unstated as loose, as it is simulated; both empty where one was not tested.
+    ``way``: the one compaction of them all, unstated as loose, as it is simulated; empty where they were tested in
+    several, or one was not. ``mean``: Σ y_i PD_i [-], None where there is no such way.
     """
 
     mean: float | None
-    ways: tuple[str, str]
+    way: str
 
 
 def each_alone(session: Session, mixture_ids: Sequence[int] | None = None) -> dict[int, Alone]:
     """Return what is known of the aggregates of each of these mixtures, or of all, by the mixture's id."""
     known, part = _alone(), MixtureComponent.__table__.c
-    every, weight = sa.func.count(), sa.func.sum(part.solid_volume_share)
-    mean = sa.func.sum(part.solid_volume_share * known.c.density) / weight
+    mean = sa.func.sum(part.solid_volume_share * known.c.density) / sa.func.sum(part.solid_volume_share)
+    first, last = sa.func.min(known.c.way), sa.func.max(known.c.way)
+    alike = (sa.func.count(known.c.density) == sa.func.count()) & (first == last)
     query = (
-        sa.select(
-            part.mixture_id,
-            sa.case((sa.func.count(known.c.density) == every, mean)),
-            *(sa.case((sa.func.count(known.c.way) == every, end(known.c.way)), else_="") for end in ENDS),
-        )
+        sa.select(part.mixture_id, sa.case((alike, mean)), sa.case((alike, first), else_=""))
         .join_from(MixtureComponent, known, known.c.id == part.aggregate_id)
         .group_by(part.mixture_id)
     )
     some = [query] if mixture_ids is None else [query.where(part.mixture_id.in_(few)) for few in parts(mixture_ids)]
-    found = (row for one in some for row in session.execute(one).all())
-    return {key: Alone(mean, (first, last)) for key, mean, first, last in found}
+    return {key: Alone(mean, way) for one in some for key, mean, way in session.execute(one).all()}
 
 
 def _alone() -> sa.CTE:
-    """Return each aggregate's packing density alone and the compaction of its test, missing where there is none."""
-    one, known, other = Aggregate, aliased(Calibration), aliased(PackingTest)
-    last = sa.select(sa.func.max(known.id)).where(
-        known.aggregate_id == one.id, known.measured_packing_density.is_not(None)
-    )
+    """Return each aggregate's packing density alone and its test's compaction, missing where it was not tested."""
+    one, test, other = Aggregate, PackingTest, aliased(PackingTest)
     newest = sa.select(sa.func.max(other.id)).where(other.aggregate_id == one.id)
-    way = sa.case((PackingTest.compaction == "unstated", "loose"), else_=PackingTest.compaction)
+    density = sa.func.coalesce(
+        test.packing_density, 1.0 - test.voids_percent / 100.0, test.bulk_density_kg_m3 / _oven_dry()
+    )
+    way = sa.case((test.compaction == "unstated", "loose"), else_=test.compaction)
     found = (
-        sa.select(one.id, Calibration.measured_packing_density.label("density"), way.label("way"))
+        sa.select(one.id, density.label("density"), way.label("way"))
         .select_from(one)
-        .outerjoin(Calibration, Calibration.id == last.correlate(one).scalar_subquery())
-        .outerjoin(PackingTest, PackingTest.id == newest.correlate(one).scalar_subquery())
+        .outerjoin(test, test.id == newest.correlate(one).scalar_subquery())
     )
     return found.cte("alone").prefix_with("MATERIALIZED")  # once for each aggregate, not for each part of a mixture
+
+
+def _oven_dry() -> sa.ColumnElement[float]:
+    """Return an aggregate's oven-dry particle density [kg/m³], as ``density.oven_dry_density`` has it."""
+    given, absorbed = Aggregate.particle_density_kg_m3, Aggregate.water_absorption_percent / 100.0
+    dry = {
+        "oven_dry": given,
+        "ssd": given / (1.0 + absorbed),
+        "apparent": 1.0 / (1.0 / given + absorbed / WATER_DENSITY),
+    }
+    return sa.case(dry, value=Aggregate.density_basis)
 
 
 def newest_mixtures(session: Session, most: int) -> dict[int, str]:
