@@ -24,6 +24,7 @@ from pdlab.charts.parity import CROWDED
 from pdlab.lab import SHIPPED
 from pdlab.models import Mixture, MixtureComponent, PackingTest
 from pdlab.page.app import CORRECTIONS, HOME, VIEWS
+from pdlab.page.mixture_tests import ENTER
 from pdlab.store import open_store
 from pdlab.tables import read_path
 
@@ -355,7 +356,9 @@ def test_a_mixtures_density_test_is_entered_reloaded_saved_and_corrected_twice_i
     opened = open_store(str(tmp_path / "lab.db"))
     experiments.register(opened, read_path(SHIPPED))
     page.goto(f"{served}/mixtures?mixture=2")
-    page.get_by_text("Enter a density test of this mixture").click()
+    page.get_by_text(ENTER).click()
+    page.get_by_label("Value [kg/m³]").wait_for()
+    page.locator("[data-testid=stApp][data-test-script-state=notRunning]").wait_for()
     page.get_by_label("Value [kg/m³]").fill("35,2")
     page.get_by_label("Value [kg/m³]").press("Tab")
     page.wait_for_url(re.compile("test=of%3D2"))

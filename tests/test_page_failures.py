@@ -11,6 +11,7 @@ import streamlit as st
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
 from test_page import PAGE, lab, type_in
+from test_page_mixture_tests import typed as typed_test
 from test_page_mixtures import stocked
 
 from pdlab import experiments
@@ -48,8 +49,7 @@ def typed(app: AppTest) -> AppTest:
 
 
 def packed(app: AppTest) -> AppTest:
-    app.selectbox(key="test_of_mixture_1_kind").set_value("voids_percent")
-    app.text_input(key="test_of_mixture_1_value").set_value("36,5").run()
+    typed_test(app, 1, value="36,5")
     return app.button(key="save_test").click().run()
 
 

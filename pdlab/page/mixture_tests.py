@@ -17,6 +17,7 @@ from pdlab.page.wording import MISSING, plain
 from pdlab.quantities import heading
 from pdlab.store import Store
 
+ENTER = "Enter a density test of this mixture"
 WORD, OF = "test", "of"  # of the address; of what stands behind it, the mixture
 KEPT = "unsaved_tests"  # the texts by mixture
 SHOWN = 10  # tests of the list
@@ -30,18 +31,26 @@ def show(target: Store, mixture_id: int, composed: Composed) -> None:
         _list(tests)
     place = f"of_mixture_{mixture_id}"
     begun = _restore(mixture_id, place)
-    with st.expander("Enter a density test of this mixture", expanded=begun or not tests):
-        texts = density_tests.ask(st.container(), place)
-        read = experiments.read_test(texts, composed.particle_density)
-        told = st.container()  # what comes and goes here leaves the button in its place
-        density_tests.say(told, read)
-        if texts["kind"] == "bulk_density_kg_m3" and composed.undense:
-            told.caption(
-                plain(f"The particle density of {', '.join(composed.undense)} is missing: enter voids, or it.")
-            )
-        if st.button("Save the density test", type="primary", key="save_test"):
-            _save(target, mixture_id, composed.name, texts, read)
+    key = f"form_{place}_{len(tests)}"  # once a test is saved it is another, and closed
+    form = st.expander(ENTER, expanded=begun or not tests, key=key, on_change="rerun")
+    if form.open:  # else a browser would draw it all the same
+        with form:
+            _ask(target, mixture_id, composed, place)
+    elif not begun:  # what the address tells is of another mixture
+        put_away()
     links.link("Correct what was entered of this mixture", "corrections", links.EDIT, mixture=str(mixture_id))
+
+
+def _ask(target: Store, mixture_id: int, composed: Composed, place: str) -> None:
+    """Ask for a density test, say what it means, and save it."""
+    texts = density_tests.ask(st.container(), place)
+    read = experiments.read_test(texts, composed.particle_density)
+    told = st.container()  # what comes and goes here leaves the button in its place
+    density_tests.say(told, read)
+    if texts["kind"] == "bulk_density_kg_m3" and composed.undense:
+        told.caption(plain(f"The particle density of {', '.join(composed.undense)} is missing: enter voids, or it."))
+    if st.button("Save the density test", type="primary", key="save_test"):
+        _save(target, mixture_id, composed.name, texts, read)
     _keep(mixture_id, texts)
 
 
