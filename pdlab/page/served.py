@@ -12,19 +12,19 @@ from pdlab.page.app import VIEWS
 
 HERE = '<script>window.__streamlit = {BACKEND_BASE_URL: new URL(".", location.href).href}</script>'
 """Where the server is: a view's address is no folder of it, in which a browser would ask first, wait, and go up one."""
-EARLY = ("PlotlyChart", "DataFrame")
-"""Parts of Streamlit's that most views need and a browser takes long to read: it may begin while the view is made."""
+CHARTS = "PlotlyChart"
+"""The part of Streamlit's that takes a browser longest to read: it may begin while the view is made."""
 
 
 def document(folder: Path) -> str:
     """Return the page's first document: Streamlit's, from the ``folder`` of what it serves, with what is known before.
 
-    Where Streamlit keeps a part under another name, it is loaded when it is needed, as without this.
+    Where Streamlit keeps the charts under another name, they are loaded when they are needed, as without this.
     """
-    found = [file for part in EARLY for file in sorted(folder.glob(f"static/js/{part}.*.js"))[:1]]
-    parts = (f'<script type="module">import("./static/js/{file.name}")</script>' for file in found)
+    found = sorted(folder.glob(f"static/js/{CHARTS}.*.js"))[:1]
+    early = [f'<script type="module">import("./static/js/{file.name}")</script>' for file in found]
     text = (folder / "index.html").read_text(encoding="utf-8")
-    return text.replace("</head>", "".join([HERE, *parts, "</head>"]), 1)
+    return text.replace("</head>", "".join([HERE, *early, "</head>"]), 1)
 
 
 def _routes() -> list[Route]:

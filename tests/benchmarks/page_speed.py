@@ -2,7 +2,7 @@
 
 ``python tests/benchmarks/page_speed.py [FILE]``: builds a store of 100 000 runs, 10 000 mixtures and two sweeps in FILE
 (in a temporary folder by default), or takes the one that is there. Each time is the least of five, in ms of the
-processor: of views that are drawn again, and again after something was written into the store.
+processor: of views that are drawn again as they were, and again after a density test has changed.
 """
 
 import os
@@ -11,6 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import sqlalchemy as sa
 from store_speed import build
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
@@ -20,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from conftest import FormulaRunner
 
 from pdlab import experiments, store
+from pdlab.models import PackingTest
 from pdlab.page import app
 from pdlab.store import Store
 
@@ -61,12 +63,19 @@ def spent(address: str, query: dict[str, str], target: Store) -> tuple[float, fl
         times.append([])
         for _ in range(5):
             if writes:
-                experiments.delete_draft(target, experiments.save_draft(target, "aggregate", {}))
+                _retest(target)
             begin = time.process_time()
             view.run()
             times[-1].append(1e3 * (time.process_time() - begin))
             assert not view.exception
     return min(times[0]), min(times[1])
+
+
+def _retest(target: Store) -> None:
+    """Change the measured packing density of a mixture a little."""
+    with target.write() as session:
+        found = session.scalars(sa.select(PackingTest).where(PackingTest.mixture_id.is_not(None)).limit(1)).one()
+        found.repeats = 3 + (found.repeats or 0) % 3
 
 
 def main(path: Path) -> None:
