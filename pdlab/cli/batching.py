@@ -139,7 +139,7 @@ def runner(
 
     end_as_by_ctrl_c()
     if hasattr(os, "nice"):
-        os.nice(5)  # the page comes first
+        os.nice(15)  # the page comes first, and all cores are busy
     with open_lab(store, workers, threads, scheduler) as lab:
         logging.getLogger("pdlab").setLevel(logging.INFO)
         print(f"the runner: {lab.runner.pool.workers} beds at once for {lab.store.url} (Ctrl-C ends it)", flush=True)

@@ -13,8 +13,6 @@ from pdlab.cli.shell import Scheduler, Store, Workers, end_as_by_ctrl_c
 from pdlab.errors import InputError, SignInError
 
 HERE = "127.0.0.1"
-BEHIND, LAST = 10, 19
-"""How far the runner's priority is behind the page's, and the last there is."""
 AGAIN, PATIENCE = 5.0, 20.0
 """Seconds after which a runner that ended is started again, and within which processes end by themselves."""
 
@@ -144,17 +142,9 @@ def _watch(started: "list[subprocess.Popen[bytes]]", command: list[str], environ
                     started.remove(runner)
                 runner = subprocess.Popen([sys.executable, *command], env=environment, stdout=file, stderr=file)
                 started.append(runner)
-                _put_behind(runner.pid)
             with suppress(subprocess.TimeoutExpired):
                 page.wait(AGAIN)
     return page.returncode
-
-
-def _put_behind(pid: int) -> None:
-    """Let others go first on the processor: a runner keeps all cores busy, and people wait for the page."""
-    if hasattr(os, "setpriority"):
-        with suppress(ProcessLookupError):  # it has ended already
-            os.setpriority(os.PRIO_PROCESS, pid, min(os.getpriority(os.PRIO_PROCESS, 0) + BEHIND, LAST))
 
 
 def _end(started: "list[subprocess.Popen[bytes]]") -> None:
