@@ -167,8 +167,9 @@ def test_the_aggregate_itself_is_corrected(stocked: Store) -> None:
 def test_a_mixture_is_corrected_in_percent(stocked: Store) -> None:
     app, key, record = of(stocked, EQUAL, "mixture")
     cells(app, record, row_0={"share": "60"})
-    saved(app)
-    assert any("the shares sum to 1.1" in text for text in plain(app)[1])
+    whole = "the shares sum to 110 %, more than 0.11 off 100; correct them"
+    assert plain(app)[1] == [whole], "before it is saved"
+    assert plain(saved(app))[1] == [whole, "not saved: mend what is marked above first"]
     cells(app, record, row_0={"share": "60"}, row_1={"share": "much"})
     assert any("pebbles F: 'much' is no number" in text for text in plain(app)[1])
     assert plain(saved(app))[1][-1] == "not saved: mend what is marked above first"

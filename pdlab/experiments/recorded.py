@@ -1,6 +1,7 @@
 """What was entered of an aggregate or a mixture, as its corrector sees it: record by record, in texts."""
 
 import datetime as dt
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,13 +9,14 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from pdlab import store, tables
-from pdlab.errors import InputError
+from pdlab.errors import InputError, ShareError
 from pdlab.experiments.addresses import address, row_key
 from pdlab.experiments.corrections import COLUMNS, Corrected, Edited, correct
 from pdlab.experiments.evidence import ShownCorrection, corrections_of
 from pdlab.experiments.mixing import aggregates_of, full_name, stored_mixture
 from pdlab.experiments.readings import is_stale, mean_density, particle_density
 from pdlab.models import Aggregate, Base, Mixture, PackingTest, SieveAnalysis
+from pdlab.specimen import SHARE_TOLERANCE
 from pdlab.store import Store
 from pdlab.tables import DENSITY_KINDS, Typed
 
@@ -65,10 +67,21 @@ class Recorded:
     parts: tuple[RecordedPart, ...] = ()
 
     def changes(self, texts: Mapping[str, str], parts: Sequence[Mapping[str, str]] = ()) -> list[Corrected]:
-        """Return what differs in ``texts`` and in those of its ``parts``. Raises InputError for a share."""
+        """Return what differs in ``texts`` and in those of its ``parts``.
+
+        Raises InputError for a share that is no number, and for shares that do not sum to 100 %.
+        """
         out = _differences(self.address, self._columns(self.texts), self._columns(texts))
+        shares = list[float]()
         for part, typed in zip(self.parts, parts, strict=True):
-            out += _differences(part.key, part.columns(part.texts), part.columns(typed))
+            columns = part.columns(typed)
+            out += _differences(part.key, part.columns(part.texts), columns)
+            shares += [float(columns[part.column])] if SHARE in typed else []
+        if shares and abs(math.fsum(shares) - 1.0) > SHARE_TOLERANCE:
+            raise ShareError(
+                f"the shares sum to {100.0 * math.fsum(shares):.6g} %, more than {100.0 * SHARE_TOLERANCE:g} off 100; "
+                "correct them"
+            )
         return out
 
     def _columns(self, texts: Mapping[str, str]) -> Mapping[str, str]:
