@@ -114,7 +114,7 @@ def test_shares_are_corrected_in_percent_as_they_were_entered(filled: Store) -> 
     ]
     with pytest.raises(ShareError, match=r"the shares sum to 1\.1,"):
         correct_recorded(filled, seen, changes[:1], "Anna", "")
-    with pytest.raises(ShareError, match="the shares sum to 99 %, more than 0.11 off 100"):
+    with pytest.raises(ShareError, match=r"the shares sum to 99 %, more than 0\.11 off 100"):
         seen.changes(seen.texts, [{SHARE: "60"}, {SHARE: "39"}])
     correct_recorded(filled, seen, changes, "Anna", "swapped")
     assert [part.texts[SHARE] for part in record(filled, "M", "mixture").parts] == ["60", "40"]
