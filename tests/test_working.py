@@ -1,6 +1,7 @@
 """Wishes: asked, claimed, answered once, whoever asks and whoever works."""
 
 import datetime as dt
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -13,11 +14,12 @@ from conftest import FormulaPool, ThreadsPool, both
 
 from pdlab import experiments, packing
 from pdlab import store as store_room
-from pdlab.batch import chunks, driving, jobs
+from pdlab.batch import chunks, driving, interrupts, jobs
 from pdlab.batch.driving import Work
 from pdlab.batch.names import is_gone, own_name
 from pdlab.batch.runner import Runner
 from pdlab.batch.working import answer, calibrate, predict, serve
+from pdlab.cli.shell import end_as_by_ctrl_c
 from pdlab.errors import ClaimLost, PdlabError, StoreAway
 from pdlab.experiments import Way, ask_predictions, register
 from pdlab.lab import SHIPPED
@@ -223,6 +225,40 @@ def test_a_runner_that_is_stopped_leaves_its_wishes_to_the_next(filled: Store) -
 
     with pytest.raises(KeyboardInterrupt):
         serve(Runner(filled, Endless(), stop))
+    assert {row.state for row in rows(filled, Prediction)} == {"queued"}
+
+
+class Signals:
+    """Raises a signal when it is deleted, whose exception Python drops."""
+
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_python_drops_stops_a_runner_all_the_same(number: signal.Signals, filled: Store) -> None:
+    before = {one: signal.getsignal(one) for one in interrupts.SIGNALS}
+    wishes(filled)
+    end_as_by_ctrl_c()
+    left, told = [Signals(number)], list[int]()
+
+    def drop(_: object) -> None:
+        left.clear()
+        told.append(1)
+        assert len(told) < 20, "it goes on"
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            serve(Runner(filled, Endless(), drop))
+        heard = signal.getsignal(number)
+        assert heard is (before[number] if number == signal.SIGINT else signal.SIG_IGN), "none comes while all ends"
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
     assert {row.state for row in rows(filled, Prediction)} == {"queued"}
 
 

@@ -82,8 +82,9 @@ class _Course(Generic[T]):
 class Drive(Generic[T]):
     """Works on their way together."""
 
-    def __init__(self, runner: "Runner", works: Iterator[Work[T] | None]) -> None:
-        self._runner, self._works, self._all_begun = runner, works, False
+    def __init__(self, runner: "Runner", works: Iterator[Work[T] | None], check: Callable[[], None]) -> None:
+        """``check`` is called now and then; what it raises ends the drive."""
+        self._runner, self._works, self._all_begun, self._check = runner, works, False, check
         self._courses = list[_Course[T]]()
         self._jobs = dict[str, Job]()  # all without an outcome, by digest
         self._waiting, self._elsewhere = list[Job](), list[Job]()
@@ -96,6 +97,7 @@ class Drive(Generic[T]):
     def results(self) -> Iterator[tuple[Any, T | PdlabError]]:
         """Yield the key and the result, or the error, of each work as it ends."""
         while True:
+            self._check()
             yield from self._begin()
             if not self._courses and self._all_begun:
                 return

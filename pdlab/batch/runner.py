@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import tenacity
 
 from pdlab import packing, store
+from pdlab.batch import interrupts
 from pdlab.batch.driving import Drive, Work
 from pdlab.batch.jobs import Job
 from pdlab.batch.names import is_gone, leave, own_name
@@ -79,11 +80,12 @@ class Runner:
         ``works`` is read as they are needed; a None says that there is none at the moment. Raises WorkersLost,
         StoreError.
         """
-        drive = Drive(self, iter(works))
-        try:
-            yield from drive.results()
-        finally:  # Ctrl-C too: no worker goes on with what nobody waits for
-            drive.let_go()
+        with interrupts.kept() as check:
+            drive = Drive(self, iter(works), check)
+            try:
+                yield from drive.results()
+            finally:  # Ctrl-C too: no worker goes on with what nobody waits for
+                drive.let_go()
 
     def close(self, wait: bool = True) -> None:
         """End the workers, after the chunks that they work on if ``wait``, and whatever is still claimed.
