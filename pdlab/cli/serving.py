@@ -106,6 +106,7 @@ def _pages(address: str, port: int) -> list[str]:
         "server.address": address, "server.port": str(port), "server.headless": "true",
         "server.maxUploadSize": "20", "browser.gatherUsageStats": "false", "client.toolbarMode": "viewer",
         "client.showErrorDetails": "none", "server.fileWatcherType": "none", "runner.magicEnabled": "false",
+        "runner.postScriptGC": "false",  # it looks through 230 000 objects after every answer, and all others wait
         "theme.light.primaryColor": "#1f6f8b", "theme.dark.primaryColor": "#2a7ea8",
     }  # fmt: skip
     return ["-m", "streamlit", "run", spec.origin, *(f"--{key}={value}" for key, value in flags.items())]
