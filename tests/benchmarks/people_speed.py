@@ -45,10 +45,11 @@ async def answered(socket: websockets.ClientConnection, view: str, query: str, w
 
 
 async def person(address: str, end: float, seed: int, times: Times, wrong: list[str]) -> None:
-    """Use the page until ``end``, a view in each new window, drawn again a few times."""
+    """Use the page until ``end``, each view in turn, from a random one on, in a new window, drawn again a few times."""
     draw = random.Random(seed)
+    views, at = list(VIEWS), draw.randrange(len(VIEWS))
     while time.monotonic() < end:
-        view = draw.choice(list(VIEWS))
+        view, at = views[at % len(views)], at + 1
         try:
             async with websockets.connect(
                 f"ws{address.removeprefix('http')}/_stcore/stream", subprotocols=["streamlit"], max_size=None
