@@ -25,6 +25,7 @@ from pdlab.lab import SHIPPED
 from pdlab.models import Mixture, MixtureComponent, PackingTest
 from pdlab.page.app import CORRECTIONS, HOME, VIEWS
 from pdlab.page.mixture_tests import ENTER
+from pdlab.page.new_aggregate import KIND
 from pdlab.store import open_store
 from pdlab.tables import read_path
 
@@ -383,3 +384,39 @@ def test_a_mixtures_density_test_is_entered_reloaded_saved_and_corrected_twice_i
     (test, *_) = experiments.recorded(opened, "mixture", 2).records
     opened.close()
     assert (test.texts["value"], test.version) == ("35.4", 3)
+
+
+HELD = re.compile(r"/(Selectbox|TextInput|Multiselect|Radio)\.[^/]*\.js$")
+FILLED = [  # an address, what is pressed at once, a text that stood there and is to stand there still
+    ("new-aggregate?draft={draft}", "Add a density test", "Name of the aggregate", "Kies 4/16"),
+    ("mixtures?parts=1,2&shares=62.5", "Save the mixture", "pebbles L [%]", "62.5"),  # which has no name yet
+    ("mixtures?mixture=2&test=of%3D2%26value%3D35.2", "Save the density test", "Value [kg/m³]", "35.2"),
+]
+
+
+@pytest.mark.parametrize(("address", "pressed", "label", "text"), FILLED, ids=["draft", "mixture", "density test"])
+def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(
+    page: Any, served: str, tmp_path: Path, address: str, pressed: str, label: str, text: str
+) -> None:
+    from playwright.sync_api import expect
+
+    opened = open_store(str(tmp_path / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    draft = experiments.save_draft(opened, KIND, {"texts": {"name": text}, "sieves": [], "tests": []})
+    opened.close()
+    held = list[Any]()
+
+    def hold(route: Any) -> None:
+        held.append(route)
+
+    page.route(HELD, hold)
+    page.goto(f"{served}/{address.format(draft=draft)}")
+    page.get_by_role("button", name=pressed).click()
+    page.wait_for_timeout(1500)
+    assert page.get_by_label(label).count() == 0, "the form was there already"
+    for route in held:
+        route.continue_()
+    expect(page.get_by_label(label)).to_have_value(text)
+    page.get_by_label(label).press("Enter")
+    page.wait_for_timeout(1500)
+    expect(page.get_by_label(label)).to_have_value(text)

@@ -10,6 +10,7 @@ from test_page_mixtures import chosen, metrics, ran, said, share, stocked
 
 from pdlab import experiments
 from pdlab.page.unsaved import WORDS
+from pdlab.page.unsaved import address as filled
 from pdlab.store import Store
 
 __all__ = ["lab", "stocked"]
@@ -74,11 +75,11 @@ def test_what_another_view_has_filled_in_comes_before_what_was_left(stocked: Sto
     app._page_hash = calc_hash("aggregates")
     ran(app)
     first, second = ids(stocked, "pebbles M", "pebbles F")
-    app.session_state["parts"] = [first, second]
-    app.session_state[f"share_{first}_of_{first}_{second}"] = "30"
-    app.session_state["mixture_name"] = "Theirs"
+    app.query_params.clear()
+    for word, text in filled((first, second), (0.3, 0.7)).items():
+        app.query_params[word] = text
     app._page_hash = calc_hash("mixtures")
-    assert form(ran(app))[:2] == ([first, second], "Theirs")
+    assert form(ran(app))[:2] == ([first, second], "")
     assert metrics(app) == {"pebbles F: the rest [%]": "70"}
 
 

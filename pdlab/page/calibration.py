@@ -51,7 +51,7 @@ def _choose(target: Store) -> int | None:
         greeting.show(target, "The store holds no aggregate yet.")
         return None
     choosing.recall("aggregate", CHOSEN)
-    chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, key=CHOSEN)
+    chosen: int = st.selectbox("Aggregate", list(known), format_func=known.__getitem__, **choosing.filled(CHOSEN))
     return choosing.keep("aggregate", CHOSEN, chosen)
 
 

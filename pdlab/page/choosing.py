@@ -1,6 +1,7 @@
 """What several views ask for: aggregates, the newest first, and a method."""
 
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import streamlit as st
 
@@ -54,7 +55,7 @@ def _listed(target: Store, *where: str) -> dict[int, str]:
 def several(known: Mapping[int, str], key: str) -> list[int]:
     """Ask for two to five aggregates; return their ids in the order of the choice, none while they are too few."""
     ids: list[int] = st.multiselect(
-        "Two to five aggregates", list(known), max_selections=MOST, format_func=known.__getitem__, key=key
+        "Two to five aggregates", list(known), max_selections=MOST, format_func=known.__getitem__, **filled(key)
     )
     if len(ids) >= LEAST:
         return ids
@@ -77,6 +78,15 @@ def asked_ids(name: str, kind: str = "") -> list[int]:
         st.warning(plain(f"'{text}' in the address is no {kind or name}; choose one."))
         return []
     return [one for one in ids if one is not None]
+
+
+def filled(key: str) -> dict[str, Any]:
+    """Return how a widget is drawn that the page itself fills: what a browser still loads is not emptied meanwhile.
+
+    Streamlit hands the value over once; a run before the browser shows the widget would take what it does not say yet
+    for nothing, had the value not to stay. It stays until another view is opened.
+    """
+    return {"key": key, "persist_state": "page"}
 
 
 def recall(name: str, place: str, others: Collection[str] = ()) -> None:

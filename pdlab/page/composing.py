@@ -25,9 +25,9 @@ def show(target: Store) -> None:
     unsaved.restore(choosing.MOST)
     known |= choosing.others(target, known, PARTS)
     left, right = st.columns([3, 1])
-    name = left.text_input("Name of the mixture", key=NAME)
+    name = left.text_input("Name of the mixture", **choosing.filled(NAME))
     basis = right.radio(
-        "Shares by", BASES, horizontal=True, key=BASIS,
+        "Shares by", BASES, horizontal=True, **choosing.filled(BASIS),
         help="Solid volume: of the grains without the voids between them. By mass the particle densities are needed.",
     )  # fmt: skip
     ids = choosing.several(known, PARTS)
@@ -47,17 +47,6 @@ def show(target: Store) -> None:
         compare(composed.gradings, composed.combined)
 
 
-def fill(ids: Sequence[int], shares: Sequence[float]) -> dict[str, str]:
-    """Fill the form with aggregates and their shares of the solid volume [-] for when it is drawn next.
-
-    Returns what its address says.
-    """
-    st.session_state.update({MIXTURE: NEW, PARTS: list(ids), BASIS: BASES[0]})
-    for k, share in enumerate(shares):
-        st.session_state[unsaved.share_key(k, ids)] = f"{100.0 * share:.6g}"
-    return unsaved.words()
-
-
 def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ...] | None:
     """Ask for all shares but the last, which is the rest; return them [-], None where they are not sound."""
     columns, texts = st.columns(len(ids)), list[str]()
@@ -65,7 +54,8 @@ def _ask_shares(ids: Sequence[int], known: Mapping[int, str]) -> tuple[float, ..
         place = unsaved.share_key(k, ids)
         st.session_state.setdefault(place, f"{100.0 / len(ids):.4g}")
         column.caption(f"{plain(known[ids[k]])} [%]")  # a label would be read aloud with what plain puts in
-        texts.append(column.text_input(f"{known[ids[k]]} [%]", key=place, label_visibility="collapsed"))
+        label = f"{known[ids[k]]} [%]"
+        texts.append(column.text_input(label, label_visibility="collapsed", **choosing.filled(place)))
     read = experiments.read_shares(texts)
     columns[-1].metric(f"{plain(known[ids[-1]])}: the rest [%]", "?" if read.rest is None else f"{read.rest:.4g}")
     for column, sentence in zip(columns, read.wrong, strict=True):

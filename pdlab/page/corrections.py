@@ -84,8 +84,10 @@ def _called(record: Recorded) -> str:
 def _seen(now: Recorded) -> Recorded:
     """Return a record as its corrector saw it first, whatever others have made of it meanwhile."""
     kept: Recorded | None = st.session_state.get(SEEN)
-    if kept is None or kept.key != now.key:
-        kept = now
+    if kept is not None and kept.key != now.key:
+        recorded_forms.forget(kept)
+        kept = None
+    kept = kept or now
     st.session_state[SEEN] = replace(kept, address=now.address)
     return replace(kept, address=now.address)
 

@@ -1,6 +1,7 @@
 """The density tests in the form: their texts, and the packing density and voids derived while they are typed."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import streamlit as st
 from streamlit.delta_generator import DeltaGenerator
@@ -8,6 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import density, tables
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import TEST_TEXTS, TestRead
+from pdlab.page import choosing
 from pdlab.page.wording import LABELS, plain, pressed
 from pdlab.quantities import QUANTITIES, heading
 
@@ -39,19 +41,19 @@ def boxes() -> list[DeltaGenerator]:
 def ask(box: DeltaGenerator, k: int | str) -> dict[str, str]:
     """Ask for a density test within its frame; return its texts. ``k``: of a test among several, or its place."""
     kind, value, compaction, repeats, spread = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
-    kind.selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key=_key(k, "kind"))
+    kind.selectbox("Measured", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, **_filled(k, "kind"))
     unit = UNITS[st.session_state[_key(k, "kind")]]
-    value.text_input(f"Value{unit}", key=_key(k, "value"))
-    compaction.selectbox(LABELS["compaction"], COMPACTIONS, key=_key(k, "compaction"))
-    repeats.text_input(LABELS["repeats"], key=_key(k, "repeats"))
-    spread.text_input(LABELS["standard_deviation"] + unit, key=_key(k, "standard_deviation"),
+    value.text_input(f"Value{unit}", **_filled(k, "value"))
+    compaction.selectbox(LABELS["compaction"], COMPACTIONS, **_filled(k, "compaction"))
+    repeats.text_input(LABELS["repeats"], **_filled(k, "repeats"))
+    spread.text_input(LABELS["standard_deviation"] + unit, **_filled(k, "standard_deviation"),
                       help="Standard deviation of single tests.")  # fmt: skip
     wide, high, moisture, standard, date = box.columns([4, 3, 3, 3, 3], vertical_alignment="bottom")
-    wide.text_input(LABELS["container_diameter_mm"], key=_key(k, "container_diameter_mm"))
-    high.text_input(LABELS["container_height_mm"], key=_key(k, "container_height_mm"))
-    moisture.text_input(LABELS["moisture_percent"], key=_key(k, "moisture_percent"))
-    standard.text_input(LABELS["standard"], key=_key(k, "standard"), placeholder="EN 1097-3")
-    date.text_input(LABELS["date"], key=_key(k, "date"), placeholder="2026-03-31")
+    wide.text_input(LABELS["container_diameter_mm"], **_filled(k, "container_diameter_mm"))
+    high.text_input(LABELS["container_height_mm"], **_filled(k, "container_height_mm"))
+    moisture.text_input(LABELS["moisture_percent"], **_filled(k, "moisture_percent"))
+    standard.text_input(LABELS["standard"], **_filled(k, "standard"), placeholder="EN 1097-3")
+    date.text_input(LABELS["date"], **_filled(k, "date"), placeholder="2026-03-31")
     return {name: st.session_state[_key(k, name)] for name in TEST_TEXTS}
 
 
@@ -62,7 +64,7 @@ def is_asked(k: int | str) -> bool:
 
 def forget(k: int | str) -> None:
     """Forget the texts of a density test, so that they are put anew before it is drawn next."""
-    del st.session_state[_key(k, "value")]
+    st.session_state.pop(_key(k, "value"), None)
 
 
 def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None:
@@ -82,6 +84,10 @@ def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None
 
 def _key(k: int | str, name: str) -> str:
     return f"test_{k}_{name}"
+
+
+def _filled(k: int | str, name: str) -> dict[str, Any]:
+    return choosing.filled(_key(k, name))
 
 
 def put(k: int | str, test: Mapping[str, str]) -> None:

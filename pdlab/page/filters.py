@@ -9,7 +9,7 @@ import streamlit as st
 from pdlab import experiments
 from pdlab.density import COMPACTIONS
 from pdlab.experiments import STATES, Filters
-from pdlab.page import links
+from pdlab.page import choosing, links
 from pdlab.page.wording import plain
 from pdlab.store import Store
 
@@ -44,19 +44,20 @@ def clear() -> None:
 def _draw(target: Store) -> None:
     """Draw the filters."""
     with st.container(horizontal=True):
-        st.text_input("Search in mixtures", key=TEXT, width=160, placeholder="part of a name")
+        st.text_input("Search in mixtures", **choosing.filled(TEXT), width=160, placeholder="part of a name")
         _several("With an aggregate", "holds", experiments.aggregates_in_mixtures(target, NAMED), 190)
         _several("Predicted by", "method", experiments.methods_used(target), 160)
         _several("Compaction", "compaction", COMPACTIONS, 125)
         for label, key in zip(("Tested from", "Tested until"), DAYS, strict=True):
-            st.date_input(label, None, EARLIEST, LATEST, key=key, width=130, format="YYYY-MM-DD", help=OF_TEST)
+            st.date_input(label, None, EARLIEST, LATEST, **choosing.filled(key), width=130, format="YYYY-MM-DD",
+                          help=OF_TEST)  # fmt: skip
         _several("State", "state", STATES, 115)
 
 
 def _several(label: str, key: str, options: Sequence[str], width: int) -> None:
     """Ask for one or more of the options; what the address asks for besides is among them, and finds nothing."""
     known = list(dict.fromkeys([*options, *st.session_state[key]]))
-    st.multiselect(label, known, key=key, width=width, placeholder="any")
+    st.multiselect(label, known, **choosing.filled(key), width=width, placeholder="any")
 
 
 def _of_address() -> dict[str, Any]:

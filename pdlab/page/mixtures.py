@@ -48,7 +48,7 @@ def _choose(target: Store) -> int:
     choosing.recall("mixture", MIXTURE, unsaved.WORDS)
     if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"mixture {kept}"
-    chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, key=MIXTURE)
+    chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, **choosing.filled(MIXTURE))
     return choosing.keep("mixture", MIXTURE, chosen, NEW, [mixture_tests.WORD])
 
 

@@ -9,7 +9,7 @@ from streamlit.delta_generator import DeltaGenerator
 from pdlab import experiments
 from pdlab.errors import PdlabError, UnknownName
 from pdlab.experiments import AGGREGATE_TEXTS, SIEVE_TEXTS, EnteredAggregate
-from pdlab.page import density_tests, gradings, links, sieve_table
+from pdlab.page import choosing, density_tests, gradings, links, sieve_table
 from pdlab.page.wording import BASIS_LABELS, LABELS, plain, pressed
 from pdlab.store import Store
 
@@ -99,12 +99,11 @@ def _offer_drafts(target: Store) -> None:
 def _material() -> dict[str, str]:
     """Ask for the aggregate itself; return its texts."""
     name, delivery, dense, basis = st.columns(4, vertical_alignment="bottom")
-    name.text_input("Name of the aggregate", key="name")
+    name.text_input("Name of the aggregate", **choosing.filled("name"))
     _ask(delivery, "delivery", help="Empty for the first.")
     _ask(dense, "particle_density_kg_m3", help="Turns a bulk density into a packing density.")
-    basis.selectbox(
-        LABELS["density_basis"], list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__, key="density_basis"
-    )
+    basis.selectbox(LABELS["density_basis"], list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__,
+                    **choosing.filled("density_basis"))  # fmt: skip
     wet, source, shape, repose, slip = st.columns(5, vertical_alignment="bottom")
     _ask(wet, "water_absorption_percent", help="Of water; needed unless oven-dry.")
     _ask(source, "source", placeholder="quarry, supplier")
@@ -115,7 +114,7 @@ def _material() -> dict[str, str]:
 
 
 def _ask(column: DeltaGenerator, name: str, **how: Any) -> None:
-    column.text_input(LABELS[name], key=name, **how)
+    column.text_input(LABELS[name], **choosing.filled(name), **how)
 
 
 def _keep(target: Store, entered: EnteredAggregate) -> None:

@@ -10,7 +10,7 @@ import streamlit as st
 from pdlab import charts, experiments
 from pdlab.errors import PdlabError, UnknownName
 from pdlab.experiments import ListedSweep, Proportions
-from pdlab.page import choosing, composing, links, watching
+from pdlab.page import choosing, links, unsaved, watching
 from pdlab.page.wording import plain, pressed
 from pdlab.quantities import heading
 from pdlab.store import Store
@@ -57,7 +57,7 @@ def _choose(target: Store) -> int:
     choosing.recall(SWEEP, SWEEP, (AGGREGATES,))
     if (kept := st.session_state.get(SWEEP, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"sweep {kept}"
-    chosen: int = st.selectbox("Sweep", list(known), format_func=known.__getitem__, key=SWEEP)
+    chosen: int = st.selectbox("Sweep", list(known), format_func=known.__getitem__, **choosing.filled(SWEEP))
     return choosing.keep(SWEEP, SWEEP, chosen, NEW)
 
 
@@ -165,7 +165,7 @@ def _put_together(title: str, key: str, ids: Sequence[int], shares: Sequence[flo
     if len(used) < choosing.LEAST:
         st.caption("It is one aggregate alone: there is nothing to put together.")
     elif st.button(title, key=f"together_{key}"):
-        links.go("mixtures", **composing.fill(*zip(*used, strict=True)))
+        links.go("mixtures", **unsaved.address(*zip(*used, strict=True)))
 
 
 def _figure(known: Proportions, result: Swept) -> go.Figure:

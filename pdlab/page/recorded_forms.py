@@ -27,6 +27,11 @@ def ask(seen: Recorded, particle: float | None) -> tuple[Texts, Sequence[Texts],
     return texts, _grid(seen) if seen.parts else (), True
 
 
+def forget(seen: Recorded) -> None:
+    """Forget what was typed over a record."""
+    density_tests.forget(_place(seen))  # the other forms lose it with their widgets
+
+
 def _place(seen: Recorded) -> str:
     """Return where a record's texts stand: others, once it is of another version."""
     return f"{seen.key}_{seen.version}"

@@ -9,6 +9,7 @@ from pdlab import experiments, tables
 from pdlab.errors import PdlabError
 from pdlab.experiments import SIEVE_TEXTS, EnteredAggregate
 from pdlab.grading import KINDS, SIEVE_SETS
+from pdlab.page import choosing
 from pdlab.page.wording import LABELS, plain
 from pdlab.quantities import heading
 
@@ -33,16 +34,17 @@ def fill(entered: EnteredAggregate) -> None:
 def ask_texts() -> dict[str, str]:
     """Ask what the values are and how the sieving was done; return the texts."""
     first, second = st.columns(2)
-    first.selectbox("Sieves", [FREE, *SIEVE_SETS], key="sieve_set", on_change=_choose_set)
-    second.selectbox("The values are", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, key="kind")
-    mass, pan, standard, date = st.columns([3, 3, 4, 4], vertical_alignment="bottom")
-    mass.text_input(LABELS["sample_mass_g"], key="sample_mass_g", help="Its mass; empty when unknown.",
-                    disabled=st.session_state["kind"] != "retained_g")  # fmt: skip
-    pan.text_input(
-        LABELS["pan_lower_mm"], key="pan_lower_mm", help="The smallest grain in the pan; empty when unknown."
+    first.selectbox("Sieves", [FREE, *SIEVE_SETS], **choosing.filled("sieve_set"), on_change=_choose_set)
+    second.selectbox(
+        "The values are", list(KIND_LABELS), format_func=KIND_LABELS.__getitem__, **choosing.filled("kind")
     )
-    standard.text_input(LABELS["standard"], key="sieve_standard", placeholder="EN 933-1")
-    date.text_input(LABELS["date"], key="sieve_date", placeholder="2026-03-31")
+    mass, pan, standard, date = st.columns([3, 3, 4, 4], vertical_alignment="bottom")
+    mass.text_input(LABELS["sample_mass_g"], **choosing.filled("sample_mass_g"), help="Its mass; empty when unknown.",
+                    disabled=st.session_state["kind"] != "retained_g")  # fmt: skip
+    pan.text_input(LABELS["pan_lower_mm"], **choosing.filled("pan_lower_mm"),
+                   help="The smallest grain in the pan; empty when unknown.")  # fmt: skip
+    standard.text_input(LABELS["standard"], **choosing.filled("sieve_standard"), placeholder="EN 933-1")
+    date.text_input(LABELS["date"], **choosing.filled("sieve_date"), placeholder="2026-03-31")
     return {name: st.session_state[name] for name in SIEVE_TEXTS}
 
 

@@ -56,8 +56,12 @@ def _ids(text: str, most: int) -> list[int]:
     return ids
 
 
-def words() -> dict[str, str]:
-    """Return what the address says of what stands in the form."""
+def address(ids: Sequence[int], shares: Sequence[float]) -> dict[str, str]:
+    """Return the address of a form that is filled with aggregates and their shares of the solid volume [-]."""
+    return {"parts": ",".join(map(str, ids)), "shares": ",".join(f"{100.0 * share:.6g}" for share in shares[:-1])}
+
+
+def _words() -> dict[str, str]:
     ids, name = st.session_state[PARTS], st.session_state.get(NAME, "").strip()
     shares = [st.session_state.get(share_key(k, ids), "") for k in range(len(ids) - 1)]
     told = {
@@ -71,10 +75,12 @@ def words() -> dict[str, str]:
 
 def keep() -> None:
     """Keep what stands in the form in the address and for the session."""
-    st.session_state[KEPT] = words()
+    st.session_state[KEPT] = _words()
     links.tell(st.session_state[KEPT])
 
 
 def forget() -> None:
-    """Keep no longer what has been saved."""
-    st.session_state.pop(KEPT, None)
+    """Keep no longer what has been saved: another mixture begins with an empty form."""
+    ids = st.session_state[PARTS]
+    for key in (KEPT, PARTS, *(share_key(k, ids) for k in range(len(ids)))):
+        st.session_state.pop(key, None)
