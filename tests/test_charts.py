@@ -81,7 +81,8 @@ def test_what_is_picked_in_a_parity_chart_stands_out() -> None:
 def test_many_points_are_one_picture_of_dots_and_bars_where_the_axes_say() -> None:
     count = CROWDED
     many = points(("A",) * count, (True,) * (count - 10) + (False,) * 10)
-    assert charts.parity(points(("A",) * (count - 1), (True,) * (count - 1))).layout.images == ()
+    few = charts.parity(points(("A",) * (count - 1), (True,) * (count - 1))).layout
+    assert (few.images, few.legend.itemclick) == ((), None)
     figure = charts.parity(many, picked=(8, 40))
     (picture,) = figure.layout.images
     ends = np.array(figure.layout.xaxis.range)
@@ -101,6 +102,9 @@ def test_many_points_are_one_picture_of_dots_and_bars_where_the_axes_say() -> No
     assert middles[where] == pytest.approx(np.stack([many.measured, many.predicted], axis=1), abs=1e-4)
     for lengths, errors in ((crosses[:, 2], many.measured_error), (crosses[:, 5], many.expected_error)):
         assert lengths[where] == pytest.approx(2.0 * np.nan_to_num(errors), abs=1e-4)
+    assert "vector-effect:non-scaling-stroke" in svg.findtext("{*}style", ""), "dots are round on any screen"
+    legend = figure.layout.legend
+    assert legend.itemclick is legend.itemdoubleclick is False, "the picture does not change with it"
     assert all(series.marker.maxdisplayed == 1 and series.error_x.array is None for series in figure.data[3:])
 
 

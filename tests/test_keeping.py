@@ -116,6 +116,19 @@ def test_what_no_list_of_predictions_says_leaves_its_state(compared: Store) -> N
     assert experiments.parity_state(compared) != before, "a newer engine outdates what is there"
 
 
+def test_what_is_wished_for_is_part_of_the_state_of_the_lists(compared: Store) -> None:
+    (key,) = {found for found, name in experiments.mixture_names(compared, 9).items() if name == "A+C"}
+    states = [experiments.parity_state(compared)]
+    assert experiments.ask_prediction(compared, key, "graded") == ""
+    states.append(experiments.parity_state(compared))
+    with compared.write() as session:
+        (wish,) = store_module.claim_wishes(session, "runner", 1, lambda name: False)
+    states.append(experiments.parity_state(compared))
+    experiments.cancel(compared, [wish])
+    assert len(set(states)) == 3, "none, queued, running"
+    assert experiments.parity_state(compared) not in states[1:]
+
+
 def test_the_sizes_of_a_sieve_analysis_follow_its_results_alone(compared: Store) -> None:
     with compared.write() as session:
         result = session.scalars(sa.select(SieveResult).where(SieveResult.aperture_mm == 60.96)).one()
@@ -139,10 +152,12 @@ def test_a_mixture_more_has_none_of_the_others_compared_anew(
 
 
 def test_what_is_kept_for_the_lists_follows_statements_too(compared: Store) -> None:
+    before = experiments.parity_state(compared)
     with compared.write() as session:
         session.execute(sa.update(PackingTest).where(PackingTest.mixture_id == 1).values(voids_percent=30.0))
     check_kept(compared)
     assert rows_of(compared, "predictions", ["mixture=pebbles L+M 1:1"], ["measured"]) == [(pytest.approx(0.7),)]
+    assert experiments.parity_state(compared) != before
 
 
 def test_a_write_that_is_undone_leaves_what_is_kept_for_the_lists(compared: Store, folder: Callable[..., Path]) -> None:

@@ -184,6 +184,12 @@ def test_a_form_of_a_measured_mixture_is_closed_until_it_is_wanted(stocked: Stor
     typed(app, asked, value="3")
     typed(app, asked, value="")
     assert opened(app), "it does not close under the fingers"
+    again = AppTest.from_file(str(PAGE), default_timeout=60)
+    again._page_hash = calc_hash("mixtures")
+    again.query_params["mixture"] = str(asked)
+    again.query_params["test"] = told(typed(app, asked, value="36,5", date="2026-03-31"))
+    assert opened(ran(again)), "what is typed already is shown"
+    assert not opened(saved(app)), "a further test is another one"
 
 
 def test_a_test_is_registered_as_an_import_would(pebbles: Store) -> None:

@@ -243,6 +243,7 @@ def test_the_triangle_marks_the_densest_mix_and_what_was_measured_at_their_share
     assert "PD 0.7000 ± 0.0042" in marks["densest mix"].text[0]
     assert "&lt;b>mine" in marks["measured"].text[0]
     assert len(marks["proportions"].text) == len(result.shares), "each is told"
+    assert marks["proportions"].marker.maxdisplayed == 1, "and none is drawn"
     assert "<i>" not in "".join(note.text for note in figure.layout.annotations) + "".join(marks["proportions"].text)
     around = np.stack([marks["densest mix, its interval"].x, marks["densest mix, its interval"].y], axis=1)
     assert (np.abs(around - places((0.6, 0.1, 0.3))).max(axis=0) > 0.02).all()
