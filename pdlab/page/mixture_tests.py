@@ -31,8 +31,7 @@ def show(target: Store, mixture_id: int, composed: Composed) -> None:
         _list(tests)
     place = f"of_mixture_{mixture_id}"
     begun = _restore(mixture_id, place)
-    key = f"form_{place}_{len(tests)}"  # once a test is saved it is another, and closed
-    form = st.expander(ENTER, expanded=begun or not tests, key=key, on_change="rerun")
+    form = st.expander(ENTER, expanded=begun or not tests, key=f"form_{place}", on_change="rerun")
     if form.open:  # else a browser would draw it all the same
         with form:
             _ask(target, mixture_id, composed, place)
