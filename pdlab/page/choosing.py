@@ -89,12 +89,15 @@ def filled(key: str) -> dict[str, Any]:
     return {"key": key, "persist_state": "page"}
 
 
-def recall(name: str, place: str, others: Collection[str] = ()) -> None:
+def recall(name: str, place: str, others: Collection[str] = (), new: int | None = None) -> None:
     """Choose in a place what the address gives by a name; else what was chosen there before another view.
 
     The way back leads over addresses that hold what the other view was asked for. ``others``: names by which the
-    address asks for something else than what was chosen.
+    address asks for something else than what was chosen. Within the view the way back leads to ``new`` where the
+    address gives nothing.
     """
+    if links.came_back() and place in st.session_state:
+        st.session_state[place] = next(iter(asked_ids(name)), st.session_state[place] if new is None else new)
     kept = [] if any(one in st.query_params for one in others) else st.session_state.get(f"kept_{place}", [])
     for key in (asked_ids(name) or kept)[:1]:
         st.session_state.setdefault(place, key)

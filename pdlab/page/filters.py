@@ -23,9 +23,11 @@ OF_TEST = "The day of the mixture's density test or, where that is not stated, t
 
 def ask(target: Store) -> Filters:
     """Ask for the filters, those of the address first, then those that this view was left with."""
-    before = _of_address() if EMPTY.keys() & set(st.query_params) else st.session_state.get(KEPT, EMPTY)
+    is_told = TEXT in st.session_state and links.came_back()  # within the view
+    before = _of_address() if is_told or EMPTY.keys() & set(st.query_params) else st.session_state.get(KEPT, EMPTY)
     for key in EMPTY:
-        st.session_state.setdefault(key, before[key])
+        if is_told or key not in st.session_state:
+            st.session_state[key] = before[key]
     _draw(target)
     now = {key: st.session_state[key] for key in EMPTY}
     st.session_state[KEPT] = now

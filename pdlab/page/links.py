@@ -5,6 +5,7 @@ from typing import NoReturn
 
 import streamlit as st
 from streamlit.navigation.page import StreamlitPage
+from streamlit.runtime.scriptrunner import get_script_run_ctx
 
 from pdlab import experiments
 from pdlab.errors import PdlabError
@@ -36,6 +37,12 @@ def tell(query: Mapping[str, str | Sequence[str]]) -> None:
     wanted = {key: [value] if isinstance(value, str) else list(value) for key, value in query.items()}
     if {key: st.query_params.get_all(key) for key in st.query_params} != wanted:
         st.query_params.from_dict(wanted)
+
+
+def came_back() -> bool:
+    """Return whether the browser's Back or Forward asks: what the address says comes before what was chosen since."""
+    context = get_script_run_ctx()
+    return context is not None and context.is_history_navigation
 
 
 def go(address: str, sentence: str = "", /, **query: str | Sequence[str]) -> NoReturn:

@@ -76,10 +76,13 @@ def _with_error(test: DensityTest) -> str:
 def _restore(mixture_id: int, place: str) -> bool:
     """Fill the form by what stood in it before, or by the address, where its texts are gone; return whether any did."""
     kept: dict[int, dict[str, str]] = st.session_state.setdefault(KEPT, {})
-    if not density_tests.is_asked(place):
+    is_asked, came_back = density_tests.is_asked(place), links.came_back()
+    if not is_asked or came_back:
         told = dict(parse_qsl(st.query_params.get(WORD, "")))
         if told.pop(OF, "") == str(mixture_id):
-            kept.setdefault(mixture_id, told)
+            kept[mixture_id] = told if came_back else kept.get(mixture_id, told)
+        elif is_asked:
+            kept.pop(mixture_id, None)
         density_tests.put(place, kept.get(mixture_id, {}))
     return mixture_id in kept
 

@@ -45,7 +45,7 @@ def _choose(target: Store) -> int:
     known = {NEW: "a new mixture"} | experiments.mixture_names(target, LISTED)
     if links.OPEN in st.session_state:  # one that was saved a moment ago
         st.session_state[MIXTURE] = st.session_state.pop(links.OPEN)
-    choosing.recall("mixture", MIXTURE, unsaved.WORDS)
+    choosing.recall("mixture", MIXTURE, unsaved.WORDS, NEW)
     if (kept := st.session_state.get(MIXTURE, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"mixture {kept}"
     chosen: int = st.selectbox("Mixture", list(known), format_func=known.__getitem__, **choosing.filled(MIXTURE))

@@ -54,7 +54,7 @@ def _choose(target: Store) -> int:
     known = {NEW: "a new sweep"} | {one.sweep_id: _title(one) for one in experiments.newest_sweeps(target, LISTED)}
     if OPEN in st.session_state:  # one that was asked for a moment ago
         st.session_state[SWEEP] = st.session_state.pop(OPEN)
-    choosing.recall(SWEEP, SWEEP, (AGGREGATES,))
+    choosing.recall(SWEEP, SWEEP, (AGGREGATES,), NEW)
     if (kept := st.session_state.get(SWEEP, NEW)) not in known:  # too old for the list, or none at all
         known[kept] = f"sweep {kept}"
     chosen: int = st.selectbox("Sweep", list(known), format_func=known.__getitem__, **choosing.filled(SWEEP))

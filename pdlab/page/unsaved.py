@@ -24,12 +24,16 @@ def share_key(k: int, ids: Sequence[int]) -> str:
 def restore(most: int) -> None:
     """Fill the form by the address, or by what stood in it before another view, once; say what cannot be read.
 
+    The browser's Back and Forward fill it anew.
+
     ``most``: how many aggregates a mixture has.
     """
-    if PARTS in st.session_state:
+    is_there, came_back = PARTS in st.session_state, links.came_back()
+    if is_there and not came_back:
         return
     told = {word: st.query_params[word] for word in WORDS if word in st.query_params}
-    told = told or dict(st.session_state.get(KEPT, {}))
+    if not is_there:
+        told = told or dict(st.session_state.get(KEPT, {}))
     ids = _ids(told.get("parts", ""), most)
     st.session_state[PARTS] = ids
     st.session_state[NAME] = told.get("name", "")
