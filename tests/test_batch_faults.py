@@ -39,6 +39,8 @@ from pdlab.tables import read_path
 
 SEED = 20261124
 METHOD, SEEDS = "drop_and_roll", 2
+FEW, BEGUN = 10, 6
+"""Mixtures of a table of which something dies once, and the runs that are done by then."""
 PAUSE = "PDLAB_TEST_PAUSE"
 
 
@@ -105,8 +107,8 @@ def kill_now_and_then(
 
 @pytest.mark.parametrize(
     ("mixtures", "every", "pause"),
-    [(50, 2.0, 0.1), pytest.param(500, 20.0, 0.4, marks=pytest.mark.slow)],
-    ids=["100 runs", "1000 runs"],
+    [(15, 1.0, 0.1), *(pytest.param(*sizes, marks=pytest.mark.slow) for sizes in ((50, 2.0, 0.1), (500, 20.0, 0.4)))],
+    ids=["30 runs", "100 runs", "1000 runs"],
 )
 @pytest.mark.parametrize("where", ["processes", "cluster"])
 def test_every_row_is_answered_once_while_workers_are_killed(
@@ -187,18 +189,18 @@ def wait_for_runs(address: str, count: int, process: "subprocess.Popen[str]") ->
 def test_after_the_runner_was_ended_only_what_is_missing_runs(
     how: signal.Signals, address: str, tmp_path: Path
 ) -> None:
-    write_table(tmp_path / "in.csv", blends(20))
+    write_table(tmp_path / "in.csv", blends(FEW))
     filled(address)
     first = start(tmp_path, address, 0.3)
-    wait_for_runs(address, 10, first)
+    wait_for_runs(address, BEGUN, first)
     first.send_signal(how)
     first.communicate(timeout=60)
     before = done_runs(address)
-    assert 10 <= len(before) < 40
+    assert BEGUN <= len(before) < SEEDS * FEW
     second = start(tmp_path, address, 0.0)
     out, err = second.communicate(timeout=120)
     assert second.returncode == 0, err
-    assert int(out) == answered_once(address, tmp_path / "out.csv", 20) - len(before), "what was done ran again"
+    assert int(out) == answered_once(address, tmp_path / "out.csv", FEW) - len(before), "what was done ran again"
 
 
 @pytest.mark.parametrize("gone", [3.0, pytest.param(60.0, marks=pytest.mark.slow)])
@@ -206,17 +208,17 @@ def test_a_scheduler_that_is_lost_and_comes_back_costs_no_row(
     gone: float, address: str, tmp_path: Path, slow: Callable[[float], None], cluster: Cluster
 ) -> None:
     slow(0.1)
-    table, rows = write_table(tmp_path / "in.csv", blends(30)), list[int]()
+    table, rows = write_table(tmp_path / "in.csv", blends(FEW)), list[int]()
 
     def lose(_: object) -> None:
         rows.append(1)
-        if len(rows) == 5:
+        if len(rows) == BEGUN // SEEDS:
             cluster.kill_scheduler()
             threading.Timer(gone, cluster.whole).start()
 
     with Lab(filled(address), scheduler=cluster.address) as lab:
         summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=lose)
-    assert summary.runs == answered_once(address, tmp_path / "out.csv", 30)
+    assert summary.runs == answered_once(address, tmp_path / "out.csv", FEW)
 
 
 class Server:
@@ -253,30 +255,30 @@ def test_a_database_that_goes_away_and_comes_back_costs_no_row(
     gone: float, own_server: Server, tmp_path: Path, slow: Callable[[float], None]
 ) -> None:
     slow(0.1)
-    table, rows = write_table(tmp_path / "in.csv", blends(30)), list[float]()
+    table, rows = write_table(tmp_path / "in.csv", blends(FEW)), list[float]()
 
     def lose(_: object) -> None:
         rows.append(time.monotonic())
-        if len(rows) == 5:
+        if len(rows) == BEGUN // SEEDS:
             own_server.away(gone)
 
     with Lab(filled(own_server.address), workers=2) as lab:
         summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=lose)
     assert max(later - earlier for earlier, later in itertools.pairwise(rows)) > gone, "nobody noticed"
-    assert summary.runs == answered_once(own_server.address, tmp_path / "out.csv", 30)
+    assert summary.runs == answered_once(own_server.address, tmp_path / "out.csv", FEW)
 
 
 def test_a_full_disk_stops_the_table_with_a_sentence_and_the_next_start_goes_on(
     address: str, tmp_path: Path, slow: Callable[[float], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow(0.0)
-    table, rows = write_table(tmp_path / "in.csv", blends(30)), list[int]()
+    table, rows = write_table(tmp_path / "in.csv", blends(FEW)), list[int]()
     filled(address)
     with Lab(address, workers=2) as lab:
 
         def fill_up(_: object) -> None:
             rows.append(1)
-            if len(rows) == 5:
+            if len(rows) == BEGUN // SEEDS:
                 with lab.store.writer.connect() as connection:  # type: ignore[union-attr]
                     pages = connection.exec_driver_sql("PRAGMA page_count").scalar()
                     connection.exec_driver_sql(f"PRAGMA max_page_count={pages}")
@@ -284,7 +286,7 @@ def test_a_full_disk_stops_the_table_with_a_sentence_and_the_next_start_goes_on(
         with pytest.raises(StoreError, match=r"disk is full.*make room on the disk"):
             lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS, on_row=fill_up)
     before = done_runs(address)
-    assert 10 <= len(before) < 60
+    assert BEGUN <= len(before) < SEEDS * FEW
     with Lab(address, workers=2) as lab:
         summary = lab.batch(table, tmp_path / "out.csv", METHOD, seeds=SEEDS)
-    assert summary.runs == answered_once(address, tmp_path / "out.csv", 30) - len(before)
+    assert summary.runs == answered_once(address, tmp_path / "out.csv", FEW) - len(before)
