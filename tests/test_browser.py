@@ -38,6 +38,18 @@ if BROWSER is None and os.environ.get("PDLAB_REQUIRE_BROWSER") != "1":
     pytest.skip(f"no browser on the path (looked for {', '.join(NAMES)})", allow_module_level=True)
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """One browser for all tests; each has a context, and so cookies and a cache, of its own."""
+    assert BROWSER is not None, f"PDLAB_REQUIRE_BROWSER=1 and no browser on the path ({', '.join(NAMES)})"
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        yield opened
+        opened.close()
+
+
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[str]:
     """``pdlab serve`` on a free port; ended as a user would end it."""
@@ -50,20 +62,14 @@ def served(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def page(served: str) -> Iterator[Any]:
-    """A browser's page on a new aggregate, whose clipboard may be used."""
-    assert BROWSER is not None, f"PDLAB_REQUIRE_BROWSER=1 and no browser on the path ({', '.join(NAMES)})"
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
-        context = browser.new_context(viewport={"width": 1400, "height": 1400})
-        context.grant_permissions(["clipboard-read", "clipboard-write"])
-        opened = context.new_page()
-        opened.set_default_timeout(20_000)
-        opened.goto(f"{served}/new-aggregate")
-        yield opened
-        browser.close()
+def page(browser: Any) -> Iterator[Any]:
+    """A page of a browser's window, whose clipboard may be used."""
+    context = browser.new_context(viewport={"width": 1400, "height": 1400})
+    context.grant_permissions(["clipboard-read", "clipboard-write"])
+    opened = context.new_page()
+    opened.set_default_timeout(20_000)
+    yield opened
+    context.close()
 
 
 def cell(page: Any, row: int, column: int) -> None:
@@ -86,9 +92,12 @@ def type_cell(page: Any, row: int, column: int, text: str) -> None:
     page.keyboard.press("Enter")
 
 
-def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(page: Any, tmp_path: Path) -> None:
+def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(
+    page: Any, served: str, tmp_path: Path
+) -> None:
     from playwright.sync_api import expect
 
+    page.goto(f"{served}/new-aggregate")
     page.get_by_label("Name of the aggregate").fill("Kies 4/16")
     page.get_by_label("Name of the aggregate").press("Enter")
     page.wait_for_url(re.compile("draft="))  # what is drawn above the grid stands
@@ -120,8 +129,8 @@ def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(
     assert row.packing_tests[0].bulk_density_kg_m3 == 1560.5
 
 
-def test_the_entrance_leads_home_by_its_own_address(page: Any) -> None:
-    page.goto(page.url.rsplit("/", 1)[0])
+def test_the_entrance_leads_home_by_its_own_address(page: Any, served: str) -> None:
+    page.goto(served)
     page.wait_for_url(re.compile("/predicted-vs-measured$"))
     page.get_by_text("The store holds no mixture yet").wait_for()
     page.reload()
@@ -129,20 +138,15 @@ def test_the_entrance_leads_home_by_its_own_address(page: Any) -> None:
     assert page.get_by_text("Page not found").count() == 0
 
 
-def test_a_view_finds_its_server_at_once_below_a_path_of_a_proxy_too(tmp_path: Path) -> None:
-    from playwright.sync_api import sync_playwright
-
+def test_a_view_finds_its_server_at_once_below_a_path_of_a_proxy_too(page: Any, tmp_path: Path) -> None:
     port, store = free_port(), str(tmp_path / "lab.db")
     how: dict[str, Any] = {"cwd": tmp_path, "env": {**os.environ, "STREAMLIT_SERVER_BASE_URL_PATH": "lab"}}
     verb = ("serve", "--no-runner", "--store", store, "--port", str(port))
-    with serving("pdlab.cli", *verb, port=port, below="lab/", **how), sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=FLAGS)
-        page = browser.new_page()
-        asked = list[str]()
-        page.on("request", lambda request: asked.append(request.url))
+    asked = list[str]()
+    page.on("request", lambda request: asked.append(request.url))
+    with serving("pdlab.cli", *verb, port=port, below="lab/", **how):
         page.goto(f"http://127.0.0.1:{port}/lab/aggregates")
-        page.get_by_role("heading", name="Aggregates").wait_for(timeout=20_000)
-        browser.close()
+        page.get_by_role("heading", name="Aggregates").wait_for()
     assert [url for url in asked if url.endswith("_stcore/health")] == [f"http://127.0.0.1:{port}/lab/_stcore/health"]
     assert any("PlotlyChart" in url for url in asked)
 
@@ -154,9 +158,10 @@ def test_on_a_tablet_s_bar_all_views_are_at_hand(page: Any, served: str) -> None
         page.get_by_test_id("stTopNavLink").get_by_text(name, exact=True).wait_for()
 
 
-def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any) -> None:
+def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any, served: str) -> None:
     from playwright.sync_api import expect
 
+    page.goto(f"{served}/new-aggregate")
     page.get_by_text("Fill from a text or a file").click()
     content = b"aggregate;aperture_mm;passing_percent\nS;4;100\nS;2;40,5\nS;1;2\n"
     page.get_by_test_id("stFileUploader").locator("input").set_input_files(
@@ -395,15 +400,14 @@ FILLED = [  # an address, what is pressed at once, a text that stood there and i
 ]
 
 
-@pytest.mark.parametrize(("address", "pressed", "label", "text"), FILLED, ids=["draft", "mixture", "density test"])
 def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(
-    page: Any, served: str, tmp_path: Path, address: str, pressed: str, label: str, text: str
+    page: Any, served: str, tmp_path: Path
 ) -> None:
     from playwright.sync_api import expect
 
     opened = open_store(str(tmp_path / "lab.db"))
     experiments.register(opened, read_path(SHIPPED))
-    draft = experiments.save_draft(opened, KIND, {"texts": {"name": text}, "sieves": [], "tests": []})
+    draft = experiments.save_draft(opened, KIND, {"texts": {"name": "Kies 4/16"}, "sieves": [], "tests": []})
     opened.close()
     held = list[Any]()
 
@@ -411,16 +415,17 @@ def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(
         held.append(route)
 
     page.route(HELD, hold)
-    page.goto(f"{served}/{address.format(draft=draft)}")
-    page.get_by_role("button", name=pressed).click()
-    page.wait_for_timeout(1500)
-    assert page.get_by_label(label).count() == 0, "the form was there already"
-    for route in held:
-        route.continue_()
-    expect(page.get_by_label(label)).to_have_value(text)
-    page.get_by_label(label).press("Enter")
-    page.wait_for_timeout(1500)
-    expect(page.get_by_label(label)).to_have_value(text)
+    for address, pressed, label, text in FILLED:
+        page.goto(f"{served}/{address.format(draft=draft)}")
+        page.get_by_role("button", name=pressed).click()
+        page.wait_for_timeout(1500)
+        assert page.get_by_label(label).count() == 0, "the form was there already"
+        while held:
+            held.pop().continue_()
+        expect(page.get_by_label(label)).to_have_value(text)
+        page.get_by_label(label).press("Enter")
+        page.wait_for_timeout(1500)
+        expect(page.get_by_label(label)).to_have_value(text)
 
 
 def test_back_and_forward_within_a_view_show_what_the_address_says(page: Any, served: str, tmp_path: Path) -> None:
