@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,15 +51,42 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
-@pytest.fixture
-def served(tmp_path: Path) -> Iterator[str]:
-    """``pdlab serve`` on a free port; ended as a user would end it."""
-    port, store = free_port(), str(tmp_path / "lab.db")
+@contextmanager
+def serve(folder: Path) -> Iterator[str]:
+    """``pdlab serve`` of a store in a folder, on a free port; ended as a user would end it."""
+    port, store = free_port(), str(folder / "lab.db")
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with serving(
-        "pdlab.cli", "serve", "--no-runner", "--store", store, "--port", str(port), port=port, cwd=tmp_path, **quiet
+        "pdlab.cli", "serve", "--no-runner", "--store", store, "--port", str(port), port=port, cwd=folder, **quiet
     ):
         yield f"http://127.0.0.1:{port}"
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[str]:
+    """The address of a store of the test's own, empty at first."""
+    with serve(tmp_path) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of an empty store, for tests that save nothing but drafts."""
+    with serve(tmp_path_factory.mktemp("empty")) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def stocked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a store with the shipped measurements, predictions and one draft, for tests that save nothing."""
+    folder = tmp_path_factory.mktemp("stocked")
+    opened = open_store(str(folder / "lab.db"))
+    experiments.register(opened, read_path(SHIPPED))
+    experiments.predict(opened, FormulaRunner(opened))
+    experiments.save_draft(opened, KIND, {"texts": {"name": "Kies 4/16"}, "sieves": [], "tests": []})
+    opened.close()
+    with serve(folder) as address:
+        yield address
 
 
 @pytest.fixture
@@ -129,8 +157,8 @@ def test_a_grading_typed_pasted_and_reloaded_in_a_browser_is_found_in_the_store(
     assert row.packing_tests[0].bulk_density_kg_m3 == 1560.5
 
 
-def test_the_entrance_leads_home_by_its_own_address(page: Any, served: str) -> None:
-    page.goto(served)
+def test_the_entrance_leads_home_by_its_own_address(page: Any, empty: str) -> None:
+    page.goto(empty)
     page.wait_for_url(re.compile("/predicted-vs-measured$"))
     page.get_by_text("The store holds no mixture yet").wait_for()
     page.reload()
@@ -151,17 +179,17 @@ def test_a_view_finds_its_server_at_once_below_a_path_of_a_proxy_too(page: Any, 
     assert any("PlotlyChart" in url for url in asked)
 
 
-def test_on_a_tablet_s_bar_all_views_are_at_hand(page: Any, served: str) -> None:
+def test_on_a_tablet_s_bar_all_views_are_at_hand(page: Any, empty: str) -> None:
     page.set_viewport_size({"width": 768, "height": 1024})
-    page.goto(f"{served}/aggregates")
+    page.goto(f"{empty}/aggregates")
     for name in ("Home", *(title for address, (title, _) in VIEWS.items() if address not in (HOME, CORRECTIONS))):
         page.get_by_test_id("stTopNavLink").get_by_text(name, exact=True).wait_for()
 
 
-def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any, served: str) -> None:
+def test_a_file_and_then_a_cell_in_a_browser_fill_the_grid(page: Any, empty: str) -> None:
     from playwright.sync_api import expect
 
-    page.goto(f"{served}/new-aggregate")
+    page.goto(f"{empty}/new-aggregate")
     page.get_by_text("Fill from a text or a file").click()
     content = b"aggregate;aperture_mm;passing_percent\nS;4;100\nS;2;40,5\nS;1;2\n"
     page.get_by_test_id("stFileUploader").locator("input").set_input_files(
@@ -230,13 +258,9 @@ def test_every_view_is_drawn_without_the_engine_and_the_bed_in_three_dimensions_
 
 
 def test_a_report_is_downloaded_and_printed_on_pages_of_a4_without_a_network(
-    page: Any, served: str, tmp_path: Path
+    page: Any, stocked: str, tmp_path: Path
 ) -> None:
-    opened = open_store(str(tmp_path / "lab.db"))
-    experiments.register(opened, read_path(SHIPPED))
-    experiments.predict(opened, FormulaRunner(opened), ["pebbles L+F 1:1"])
-    opened.close()
-    page.goto(f"{served}/mixtures?mixture=2")
+    page.goto(f"{stocked}/mixtures?mixture=2")
     with page.expect_download(timeout=20_000) as arriving:
         page.get_by_role("button", name="Download the report").click()
     assert arriving.value.suggested_filename == "report-pebbles-L+F-1-1.html"
@@ -257,16 +281,10 @@ def test_a_report_is_downloaded_and_printed_on_pages_of_a4_without_a_network(
     assert b"/Title (Mixture pebbles L+F 1:1" in printed
 
 
-def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters(
-    page: Any, served: str, tmp_path: Path
-) -> None:
+def test_a_click_on_a_point_opens_its_mixture_and_the_way_back_keeps_the_filters(page: Any, stocked: str) -> None:
     from playwright.sync_api import expect
 
-    opened = open_store(str(tmp_path / "lab.db"))
-    experiments.register(opened, read_path(SHIPPED))
-    experiments.predict(opened, FormulaRunner(opened))
-    opened.close()
-    page.goto(f"{served}/predicted-vs-measured?find=m%2B")
+    page.goto(f"{stocked}/predicted-vs-measured?find=m%2B")
     point = page.locator(".scatterlayer .points path")
     expect(page.get_by_text("Mean absolute error of monosized, 1 mixture")).to_be_visible(timeout=20_000)
     point.wait_for()
@@ -394,21 +412,15 @@ def test_a_mixtures_density_test_is_entered_reloaded_saved_and_corrected_twice_i
 
 HELD = re.compile(r"/(Selectbox|TextInput|Multiselect|Radio)\.[^/]*\.js$")
 FILLED = [  # an address, what is pressed at once, a text that stood there and is to stand there still
-    ("new-aggregate?draft={draft}", "Add a density test", "Name of the aggregate", "Kies 4/16"),
+    ("new-aggregate?draft=1", "Add a density test", "Name of the aggregate", "Kies 4/16"),
     ("mixtures?parts=1,2&shares=62.5", "Save the mixture", "pebbles L [%]", "62.5"),  # which has no name yet
     ("mixtures?mixture=2&test=of%3D2%26value%3D35.2", "Save the density test", "Value [kg/m³]", "35.2"),
 ]
 
 
-def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(
-    page: Any, served: str, tmp_path: Path
-) -> None:
+def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(page: Any, stocked: str) -> None:
     from playwright.sync_api import expect
 
-    opened = open_store(str(tmp_path / "lab.db"))
-    experiments.register(opened, read_path(SHIPPED))
-    draft = experiments.save_draft(opened, KIND, {"texts": {"name": "Kies 4/16"}, "sieves": [], "tests": []})
-    opened.close()
     held = list[Any]()
 
     def hold(route: Any) -> None:
@@ -416,7 +428,7 @@ def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(
 
     page.route(HELD, hold)
     for address, pressed, label, text in FILLED:
-        page.goto(f"{served}/{address.format(draft=draft)}")
+        page.goto(f"{stocked}/{address}")
         page.get_by_role("button", name=pressed).click()
         page.wait_for_timeout(1500)
         assert page.get_by_label(label).count() == 0, "the form was there already"
@@ -428,13 +440,10 @@ def test_what_is_pressed_before_the_browser_has_loaded_the_form_empties_nothing(
         expect(page.get_by_label(label)).to_have_value(text)
 
 
-def test_back_and_forward_within_a_view_show_what_the_address_says(page: Any, served: str, tmp_path: Path) -> None:
+def test_back_and_forward_within_a_view_show_what_the_address_says(page: Any, stocked: str) -> None:
     from playwright.sync_api import expect
 
-    opened = open_store(str(tmp_path / "lab.db"))
-    experiments.register(opened, read_path(SHIPPED))
-    opened.close()
-    page.goto(f"{served}/mixtures?parts=1,2&shares=62.5")
+    page.goto(f"{stocked}/mixtures?parts=1,2&shares=62.5")
     name, chosen = page.get_by_label("Name of the mixture"), page.get_by_role("combobox", name="Mixture", exact=True)
     name.fill("Mine")
     name.press("Enter")
@@ -460,7 +469,7 @@ def test_back_and_forward_within_a_view_show_what_the_address_says(page: Any, se
     expect(name).to_have_value("Mine")
     page.go_forward()
     expect(chosen).to_have_value("pebbles L+F 1:1")
-    page.goto(f"{served}/predicted-vs-measured")
+    page.goto(f"{stocked}/predicted-vs-measured")
     page.get_by_label("Search in mixtures").fill("L+M")
     page.get_by_label("Search in mixtures").press("Enter")
     page.wait_for_url(re.compile("find="))
