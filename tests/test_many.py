@@ -274,8 +274,11 @@ def test_memory_does_not_grow_with_the_table(filled: Store, tmp_path: Path, monk
         return min(levels[-(len(levels) // 3) :])
 
     held(10)  # what is loaded and compiled once
-    few, many = held(20), min(held(60) for _ in range(2))  # a table of the interpreter's that grows does so once
-    assert many - few < 40 * 2_000, f"{few} and {many} bytes"
+    few, most = held(20), 40 * 2_000
+    many = [held(60)]
+    if many[0] - few >= most:  # a table of the interpreter's that grows does so once
+        many.append(held(60))
+    assert many[-1] - few < most, f"{few} and {many} bytes"
 
 
 def test_the_same_call_again_gives_the_same_answer_to_the_bit(
