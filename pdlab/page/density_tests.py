@@ -16,6 +16,7 @@ from pdlab.quantities import QUANTITIES, heading
 COUNT = "density_tests"
 KIND_LABELS = {kind: QUANTITIES[kind].short for kind in tables.DENSITY_KINDS}  # the unit stands with the value
 UNITS = {kind: f" [{QUANTITIES[kind].unit}]" if QUANTITIES[kind].unit else "" for kind in tables.DENSITY_KINDS}
+LAST = TEST_TEXTS[-1]  # the text that is put last: with it all are there, though a run may be ended half way
 CHOICES = {"kind": tables.DENSITY_KINDS, "compaction": COMPACTIONS}
 
 
@@ -59,12 +60,12 @@ def ask(box: DeltaGenerator, k: int | str) -> dict[str, str]:
 
 def is_asked(k: int | str) -> bool:
     """Return whether the widgets of a density test hold texts, which they lose with another view."""
-    return _key(k, "value") in st.session_state
+    return _key(k, LAST) in st.session_state
 
 
 def forget(k: int | str) -> None:
     """Forget the texts of a density test, so that they are put anew before it is drawn next."""
-    st.session_state.pop(_key(k, "value"), None)
+    st.session_state.pop(_key(k, LAST), None)
 
 
 def say(box: DeltaGenerator, read: TestRead, said: Collection[str] = ()) -> None:

@@ -35,7 +35,6 @@ def restore(most: int) -> None:
     if not is_there:
         told = told or dict(st.session_state.get(KEPT, {}))
     ids = _ids(told.get("parts", ""), most)
-    st.session_state[PARTS] = ids
     st.session_state[NAME] = told.get("name", "")
     st.session_state[BASIS] = BASES[told.get("by") == "mass"]
     shares = [text for text in told.get("shares", "").split(",") if text.strip()]
@@ -49,6 +48,7 @@ def restore(most: int) -> None:
                 "which has the rest"
             )
         )
+    st.session_state[PARTS] = ids  # last: with them all is there, though the browser should end this run half way
 
 
 def _ids(text: str, most: int) -> list[int]:
