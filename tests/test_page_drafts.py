@@ -1,9 +1,11 @@
 """What is entered survives a reload as a draft; the grid is filled by sets, texts and files."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from openpyxl import Workbook
+from streamlit.runtime.scriptrunner import RerunData, RerunException, get_script_run_ctx
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
 from test_page import PAGE, form, lab, plain, save, stored, type_in
@@ -241,9 +243,40 @@ def test_a_further_test_of_an_aggregate_that_is_not_there_is_a_sentence(lab: Sto
 def test_what_is_typed_before_the_browser_hears_of_the_draft_goes_into_it(lab: Store) -> None:
     app = type_in(form(), name="Kies")
     number = app.query_params.pop("draft")  # the next texts were sent with the address as it was
+    type_in(app, shape="round")
+    app.query_params.pop("draft")  # and so were these
     type_in(app, source="Rhine")
     assert (app.text_input(key="name").value, app.query_params["draft"]) == ("Kies", number)
     (draft,) = experiments.list_drafts(lab, "aggregate")
-    assert [draft.content["texts"][name] for name in ("name", "source")] == ["Kies", "Rhine"]
+    assert [draft.content["texts"][name] for name in ("name", "shape", "source")] == ["Kies", "round", "Rhine"]
+    app.run()
     app.query_params.pop("draft")  # now the browser knows it, so that this is a new form
     assert app.run().text_input(key="name").value == ""
+
+
+def test_a_run_that_ends_while_its_draft_is_written_leaves_that_draft_alone(
+    lab: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, write = form(), experiments.save_draft
+
+    def interrupted(*args: Any) -> int:
+        """Write a draft while the browser asks for another run, which begins at the next use of the session."""
+        number, context = write(*args), get_script_run_ctx()
+        assert context is not None
+        usual = context.session_state._yield_callback
+
+        def ask() -> None:
+            object.__setattr__(context.session_state, "_yield_callback", usual)
+            raise RerunException(RerunData(page_script_hash=calc_hash("new-aggregate")))
+
+        object.__setattr__(context.session_state, "_yield_callback", ask)
+        monkeypatch.setattr(experiments, "save_draft", write)
+        return number
+
+    monkeypatch.setattr(experiments, "save_draft", interrupted)
+    type_in(app, name="Kies")
+    assert experiments.save_draft is write  # it was interrupted
+    type_in(app, source="Rhine")
+    (draft,) = experiments.list_drafts(lab, "aggregate")
+    assert [draft.content["texts"][name] for name in ("name", "source")] == ["Kies", "Rhine"]
+    assert app.query_params["draft"] == str(draft.id)
