@@ -220,6 +220,20 @@ def test_a_further_test_of_an_aggregate_is_entered_with_the_aggregate_filled_in(
         assert (row.particle_density_kg_m3, row.density_basis, row.version) == (2650.5, "ssd", 1)
 
 
+def test_a_test_that_is_there_already_is_not_said_to_be_saved(lab: Store) -> None:
+    told = {"value": "1500", "particle_density_kg_m3": "2600"}
+    save(type_in(form(), name="Kies", sieves="16 0\n8 100", **told))
+    app = save(type_in(again(lab, "1"), value="1500"))
+    assert [text.value for text in app.warning] == [
+        "Not saved again: all of this is there already. If a test was made anew, give it its date."
+    ]
+    app = save(type_in(app, date="2026-03-31"))
+    assert [text.value.replace("\\", "").partition("; next")[0] for text in app.success] == ["saved: Kies"]
+    app = save(type_in(again(lab, "1"), sieves="16 0\n8 100", value="1510"))
+    (said,) = (text.value.replace("\\", "").partition("; next")[0] for text in app.success)
+    assert said == "saved: Kies, but for 1 test that equals one that is there"
+
+
 def test_another_address_of_the_same_view_puts_another_form_there(lab: Store, tmp_path: Path) -> None:
     (tmp_path / "aggregates.csv").write_text("name\nKies\nSand\n")
     experiments.register(lab, read_path(tmp_path / "aggregates.csv"))

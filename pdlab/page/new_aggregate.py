@@ -17,6 +17,7 @@ from pdlab.store import Store
 KIND = "aggregate"
 FORM = "aggregate_form"  # in the session
 AGAIN = "aggregate"  # in the address: the id of one of which a further test is entered
+TESTS = ("sieve analyses", "density tests")  # of what was registered
 SHOWN = 5  # drafts that are offered to be continued
 
 
@@ -148,16 +149,24 @@ def _keep(target: Store, entered: EnteredAggregate) -> None:
 
 
 def _save(target: Store, entered: EnteredAggregate) -> None:
-    """Register what was entered: everything, or nothing and every problem."""
+    """Register what was entered: everything, or nothing and every problem; say what was there already."""
     form = st.session_state[FORM]
     try:
-        experiments.register_entered(target, entered)
+        done = experiments.register_entered(target, entered)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
             st.error(plain(pressed(sentence)))
         return
+    if not any(done.new.values()):
+        st.warning("Not saved again: all of this is there already. If a test was made anew, give it its date.")
+        return
     if form.draft:
         experiments.delete_draft(target, int(form.draft))
     del st.session_state["name"]
-    name = entered.texts["name"].strip()
-    links.go("aggregates", f"saved: {name}; next, calibrate it (below), or put it into a mixture and predict that")
+    there = sum(len(done.names.get((table, False), ())) for table in TESTS)
+    but = f", but for {there} test{'s' if there > 1 else ''} that equal{'' if there > 1 else 's'} one that is there"
+    links.go(
+        "aggregates",
+        f"saved: {entered.texts['name'].strip()}{but if there else ''}; next, calibrate it (below), or put it into a "
+        "mixture and predict that",
+    )
