@@ -117,8 +117,8 @@ def _material() -> dict[str, str]:
     """Ask for the aggregate itself; return its texts."""
     name, delivery, dense, basis = st.columns(4, vertical_alignment="bottom")
     name.text_input("Name of the aggregate", **choosing.filled("name"))
-    _ask(delivery, "delivery", help="Empty for the first.")
-    _ask(dense, "particle_density_kg_m3", help="Turns a bulk density into a packing density.")
+    _ask(delivery, "delivery", placeholder="empty: the first")  # a help would be one more stop of the tabulator
+    _ask(dense, "particle_density_kg_m3")
     basis.selectbox(LABELS["density_basis"], list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__,
                     **choosing.filled("density_basis"))  # fmt: skip
     wet, source, shape, repose, slip = st.columns(5, vertical_alignment="bottom")
