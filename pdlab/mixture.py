@@ -75,8 +75,8 @@ def common_protocol(parts: Sequence[Part]) -> Protocol:
     ways = dict.fromkeys(replace(part.protocol, wall_friction=wall) for part in parts)
     if len({way.compaction for way in ways}) > 1:
         raise ProtocolError(
-            f"the aggregates were tested {' and '.join(sorted({way.compaction for way in ways}))}; a mixture needs one "
-            "compaction: enter tests of the same kind"
+            f"the aggregates' newest density tests are {' and '.join(sorted({way.compaction for way in ways}))}; a "
+            "mixture needs one compaction: enter a newer test of the same kind, with its date"
         )
     if len(ways) > 1:
         settings = [way.settings() for way in ways]

@@ -41,7 +41,7 @@ def test_the_standard_error_holds_seeds_and_curves_and_the_input_error_the_measu
 
 
 def test_tests_of_different_compaction_do_not_mix() -> None:
-    with pytest.raises(ProtocolError, match="tested loose and rodded"):
+    with pytest.raises(ProtocolError, match="newest density tests are loose and rodded"):
         mixture.next_specimens([PARTS[0], replace(PARTS[1], protocol=RODDED)], [])
 
 

@@ -126,6 +126,11 @@ def test_both_doors_lead_to_the_same_views(lab: Store, script: Path) -> None:
     ]  # fmt: skip
 
 
+def test_the_tabulator_leads_from_the_name_to_the_particle_density_without_a_help_between(lab: Store) -> None:
+    first = [box for box in form().text_input if box.key in ("name", "delivery", "particle_density_kg_m3")]
+    assert [box.help for box in first] == ["", "", ""]
+
+
 def test_a_grading_with_decimal_commas_is_saved_with_its_test(lab: Store) -> None:
     app = type_in(form(), name="Gravel 4/16", sieves="31,5\t0\n16\t120,5\n8\t800\n4\t79,5", sample_mass_g="1000")
     app.selectbox(key="test_0_compaction").set_value("loose")

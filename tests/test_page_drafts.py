@@ -1,9 +1,11 @@
 """What is entered survives a reload as a draft; the grid is filled by sets, texts and files."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from openpyxl import Workbook
+from streamlit.runtime.scriptrunner import RerunData, RerunException, get_script_run_ctx
 from streamlit.testing.v1 import AppTest
 from streamlit.util import calc_hash
 from test_page import PAGE, form, lab, plain, save, stored, type_in
@@ -218,6 +220,20 @@ def test_a_further_test_of_an_aggregate_is_entered_with_the_aggregate_filled_in(
         assert (row.particle_density_kg_m3, row.density_basis, row.version) == (2650.5, "ssd", 1)
 
 
+def test_a_test_that_is_there_already_is_not_said_to_be_saved(lab: Store) -> None:
+    told = {"value": "1500", "particle_density_kg_m3": "2600"}
+    save(type_in(form(), name="Kies", sieves="16 0\n8 100", **told))
+    app = save(type_in(again(lab, "1"), value="1500"))
+    assert [text.value for text in app.warning] == [
+        "Not saved again: all of this is there already. If a test was made anew, give it its date."
+    ]
+    app = save(type_in(app, date="2026-03-31"))
+    assert [text.value.replace("\\", "").partition("; next")[0] for text in app.success] == ["saved: Kies"]
+    app = save(type_in(again(lab, "1"), sieves="16 0\n8 100", value="1510"))
+    (said,) = (text.value.replace("\\", "").partition("; next")[0] for text in app.success)
+    assert said == "saved: Kies, but for 1 test that equals one that is there"
+
+
 def test_another_address_of_the_same_view_puts_another_form_there(lab: Store, tmp_path: Path) -> None:
     (tmp_path / "aggregates.csv").write_text("name\nKies\nSand\n")
     experiments.register(lab, read_path(tmp_path / "aggregates.csv"))
@@ -241,9 +257,40 @@ def test_a_further_test_of_an_aggregate_that_is_not_there_is_a_sentence(lab: Sto
 def test_what_is_typed_before_the_browser_hears_of_the_draft_goes_into_it(lab: Store) -> None:
     app = type_in(form(), name="Kies")
     number = app.query_params.pop("draft")  # the next texts were sent with the address as it was
+    type_in(app, shape="round")
+    app.query_params.pop("draft")  # and so were these
     type_in(app, source="Rhine")
     assert (app.text_input(key="name").value, app.query_params["draft"]) == ("Kies", number)
     (draft,) = experiments.list_drafts(lab, "aggregate")
-    assert [draft.content["texts"][name] for name in ("name", "source")] == ["Kies", "Rhine"]
+    assert [draft.content["texts"][name] for name in ("name", "shape", "source")] == ["Kies", "round", "Rhine"]
+    app.run()
     app.query_params.pop("draft")  # now the browser knows it, so that this is a new form
     assert app.run().text_input(key="name").value == ""
+
+
+def test_a_run_that_ends_while_its_draft_is_written_leaves_that_draft_alone(
+    lab: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, write = form(), experiments.save_draft
+
+    def interrupted(*args: Any) -> int:
+        """Write a draft while the browser asks for another run, which begins at the next use of the session."""
+        number, context = write(*args), get_script_run_ctx()
+        assert context is not None
+        usual = context.session_state._yield_callback
+
+        def ask() -> None:
+            object.__setattr__(context.session_state, "_yield_callback", usual)
+            raise RerunException(RerunData(page_script_hash=calc_hash("new-aggregate")))
+
+        object.__setattr__(context.session_state, "_yield_callback", ask)
+        monkeypatch.setattr(experiments, "save_draft", write)
+        return number
+
+    monkeypatch.setattr(experiments, "save_draft", interrupted)
+    type_in(app, name="Kies")
+    assert experiments.save_draft is write  # it was interrupted
+    type_in(app, source="Rhine")
+    (draft,) = experiments.list_drafts(lab, "aggregate")
+    assert [draft.content["texts"][name] for name in ("name", "source")] == ["Kies", "Rhine"]
+    assert app.query_params["draft"] == str(draft.id)

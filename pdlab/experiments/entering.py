@@ -10,7 +10,7 @@ import pandas as pd
 from pdlab import density, store, tables
 from pdlab.density import MeasuredPacking
 from pdlab.errors import DensityError, InputError, PdlabError, Problem, TableError, UnknownName
-from pdlab.experiments.registration import register
+from pdlab.experiments.registration import Registered, register
 from pdlab.grading import Grading, make_grading
 from pdlab.store import Store
 from pdlab.tables import PastedRow, Tables, above_zero
@@ -148,8 +148,8 @@ def read_entered(entered: EnteredAggregate) -> AggregateRead:
     return AggregateRead([*wrong, *_density_of(found)], _read_sieves(entered, found), tests)
 
 
-def register_entered(target: Store, entered: EnteredAggregate) -> None:
-    """Write what was entered: everything, or nothing.
+def register_entered(target: Store, entered: EnteredAggregate) -> Registered:
+    """Write what was entered, everything or nothing; return what is new and what equals what was there.
 
     Raises InputError, also where what is entered is not sound, or an aggregate would have no sieve analysis.
     """
@@ -162,7 +162,7 @@ def register_entered(target: Store, entered: EnteredAggregate) -> None:
                 raise InputError("the sieve table is empty; enter at least one sieve with its aperture in mm")
     if not read_entered(entered).is_sound:
         raise InputError("not saved: mend what is marked above first")
-    register(target, tables.read_frames(entered.frames()))
+    return register(target, tables.read_frames(entered.frames()))
 
 
 def read_test(test: Mapping[str, str], particle: float | None) -> TestRead:

@@ -34,7 +34,7 @@ MEANINGS = {
     "finest_mm": "the smallest grain in the pan, else the finest sieve",
     "coarsest_mm": "the coarsest sieve",
     "diameter_mm": QUANTITIES["diameter"].meaning,
-    "packing_density": QUANTITIES["measured"].meaning,
+    "packing_density": f"{QUANTITIES['measured'].meaning}, by the newest density test",
     "friction": f"{QUANTITIES['friction'].meaning}, calibrated",
     "rolling_friction": f"{QUANTITIES['rolling'].meaning}, calibrated",
 }

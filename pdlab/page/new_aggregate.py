@@ -1,6 +1,7 @@
 """Enter an aggregate: its sieve analysis and its density tests, checked while they are typed, kept as a draft."""
 
 import json
+from dataclasses import dataclass
 from typing import Any
 
 import streamlit as st
@@ -14,19 +15,34 @@ from pdlab.page.wording import BASIS_LABELS, LABELS, plain, pressed
 from pdlab.store import Store
 
 KIND = "aggregate"
-OPEN, KEPT = "open_draft", "kept_content"  # the id of the draft that stands in the form, and what is kept of it
-AGAIN = "aggregate"  # in the address and the session: the id of one of which a further test is entered
-UNTOLD = "draft_untold"  # whether the address of the open draft was set in the last run
+FORM = "aggregate_form"  # in the session
+AGAIN = "aggregate"  # in the address: the id of one of which a further test is entered
+TESTS = ("sieve analyses", "density tests")  # of what was registered
 SHOWN = 5  # drafts that are offered to be continued
+
+
+@dataclass
+class _Form:
+    """What stands in the form: the id of its draft, that of the aggregate of which a further test is entered.
+
+    ``kept``: what the draft holds, None where it is filled in by us; ``untold``: whether the browser does not say the
+    draft's address yet. Streamlit ends a run at any use of the session when the browser asks for the next; what is
+    noted here does not use it.
+    """
+
+    draft: str = ""
+    again: str = ""
+    kept: str | None = ""
+    untold: bool = False
 
 
 def show(target: Store) -> None:
     """Draw the view."""
     _open(target)
     with st.container():  # what comes and goes here leaves the grid below in its place, and the cell that is typed in
-        if st.session_state[AGAIN]:
+        if st.session_state[FORM].again:
             st.info("Enter a sieve analysis, a density test or both below: they are added to this aggregate.")
-        elif not st.session_state[OPEN]:
+        elif not st.session_state[FORM].draft:
             _offer_drafts(target)
     texts = _material()
     about = st.container()  # what is wrong with the aggregate's own texts stands below them
@@ -57,11 +73,12 @@ def _open(target: Store) -> None:
     """Put the draft of the address into the form, or the aggregate of which it wants a further test, or nothing."""
     wanted, again = st.query_params.get("draft", ""), st.query_params.get(AGAIN, "")
     is_there = "name" in st.session_state  # texts go where a view is left
-    if is_there and not wanted and st.session_state.get(UNTOLD):  # sent before the browser heard of the draft
-        st.query_params["draft"] = wanted = st.session_state[OPEN]
+    form: _Form = st.session_state.setdefault(FORM, _Form())
+    form.untold = form.untold and is_there and not wanted
+    if form.untold:  # sent before the browser heard of the draft
+        st.query_params["draft"] = wanted = form.draft
         again = ""
-    st.session_state[UNTOLD] = False
-    if is_there and (st.session_state.get(OPEN), st.session_state.get(AGAIN)) == (wanted, again):
+    if is_there and (form.draft, form.again) == (wanted, again):
         return
     entered = EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), ""))
     kept: str | None = ""
@@ -82,7 +99,7 @@ def _open(target: Store) -> None:
     st.session_state["density_basis"] = entered.texts["density_basis"] or "oven_dry"
     sieve_table.fill(entered)
     density_tests.fill(entered.tests)
-    st.session_state[OPEN], st.session_state[AGAIN], st.session_state[KEPT] = wanted, again, kept
+    st.session_state[FORM] = _Form(wanted, again, kept)
 
 
 def _offer_drafts(target: Store) -> None:
@@ -100,8 +117,8 @@ def _material() -> dict[str, str]:
     """Ask for the aggregate itself; return its texts."""
     name, delivery, dense, basis = st.columns(4, vertical_alignment="bottom")
     name.text_input("Name of the aggregate", **choosing.filled("name"))
-    _ask(delivery, "delivery", help="Empty for the first.")
-    _ask(dense, "particle_density_kg_m3", help="Turns a bulk density into a packing density.")
+    _ask(delivery, "delivery", placeholder="empty: the first")  # a help would be one more stop of the tabulator
+    _ask(dense, "particle_density_kg_m3")
     basis.selectbox(LABELS["density_basis"], list(BASIS_LABELS), format_func=BASIS_LABELS.__getitem__,
                     **choosing.filled("density_basis"))  # fmt: skip
     wet, source, shape, repose, slip = st.columns(5, vertical_alignment="bottom")
@@ -119,29 +136,37 @@ def _ask(column: DeltaGenerator, name: str, **how: Any) -> None:
 
 def _keep(target: Store, entered: EnteredAggregate) -> None:
     """Keep what was changed since the last time as a draft, whose id stands in the address."""
-    content = json.dumps(entered.content())
-    number = st.session_state[OPEN]
-    if st.session_state[KEPT] is None:  # filled in by us: only what is changed from now on is a draft
-        st.session_state[KEPT] = content
-    if content == st.session_state[KEPT] or (not number and entered.is_blank):
+    content, form = json.dumps(entered.content()), st.session_state[FORM]
+    if form.kept is None:  # filled in by us: only what is changed from now on is a draft
+        form.kept = content
+    if content == form.kept or (not form.draft and entered.is_blank):
         return
-    number = str(experiments.save_draft(target, KIND, entered.content(), int(number) if number else None))
-    st.session_state[OPEN], st.session_state[AGAIN], st.session_state[KEPT] = number, "", content
-    st.session_state[UNTOLD] = st.query_params.get("draft") != number
+    told = st.query_params.get("draft")
+    number = str(experiments.save_draft(target, KIND, entered.content(), int(form.draft) if form.draft else None))
+    form.draft, form.again, form.kept, form.untold = number, "", content, form.untold or told != number
     st.query_params["draft"] = number
     st.query_params.pop(AGAIN, None)
 
 
 def _save(target: Store, entered: EnteredAggregate) -> None:
-    """Register what was entered: everything, or nothing and every problem."""
+    """Register what was entered: everything, or nothing and every problem; say what was there already."""
+    form = st.session_state[FORM]
     try:
-        experiments.register_entered(target, entered)
+        done = experiments.register_entered(target, entered)
     except PdlabError as error:
         for sentence in experiments.sentences(error):
             st.error(plain(pressed(sentence)))
         return
-    if number := st.session_state.pop(OPEN):
-        experiments.delete_draft(target, int(number))
+    if not any(done.new.values()):
+        st.warning("Not saved again: all of this is there already. If a test was made anew, give it its date.")
+        return
+    if form.draft:
+        experiments.delete_draft(target, int(form.draft))
     del st.session_state["name"]
-    name = entered.texts["name"].strip()
-    links.go("aggregates", f"saved: {name}; next, calibrate it (below), or put it into a mixture and predict that")
+    there = sum(len(done.names.get((table, False), ())) for table in TESTS)
+    but = f", but for {there} test{'s' if there > 1 else ''} that equal{'' if there > 1 else 's'} one that is there"
+    links.go(
+        "aggregates",
+        f"saved: {entered.texts['name'].strip()}{but if there else ''}; next, calibrate it (below), or put it into a "
+        "mixture and predict that",
+    )

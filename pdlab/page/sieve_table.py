@@ -54,6 +54,10 @@ def ask_table() -> list[tuple[str, str]]:
         "sieve": st.column_config.TextColumn("sieve", help="millimetres, No. 4, 3/8 in, 63 µm, or pan"),
         "value": st.column_config.TextColumn("value"),
     }
+    st.caption(
+        "Sieves in mm or by name: No. 4, 3/8 in, pan. Type or paste; decimal comma or point. A sieve without a value "
+        "counts as not used."
+    )
     base = pd.DataFrame(st.session_state[BASE], columns=["sieve", "value"], dtype=object)
     edited = st.data_editor(
         base, key=f"sieves_{st.session_state[TURN]}", num_rows="dynamic", hide_index=True, column_config=columns,
@@ -63,10 +67,6 @@ def ask_table() -> list[tuple[str, str]]:
     while rows and not any(rows[-1]):
         rows.pop()
     st.session_state[NOW] = rows
-    st.caption(
-        "Sieves in mm or by name: No. 4, 3/8 in, pan. Type or paste; decimal comma or point. A sieve without a value "
-        "counts as not used."
-    )
     with st.expander("Fill from a text or a file"):
         st.text_area("Sieve and value in each line", key="pasted", placeholder=EXAMPLE, height=140)
         st.button("Take the text", on_click=_take_text, key="take_text")
