@@ -48,6 +48,21 @@ def test_edits_after_a_reload_go_into_the_same_draft(lab: Store) -> None:
     assert again.query_params["draft"] == number
 
 
+def test_two_windows_with_one_draft_lose_nothing_of_each_other(lab: Store) -> None:
+    number = type_in(form(), name="Kies").query_params["draft"]
+    one, other = form(number), form(number)
+    type_in(one, source="Rhine")
+    type_in(other, shape="round")
+    assert "was changed or saved in another window" in other.warning[0].value
+    type_in(one, source="Rhein")
+    type_in(other, shape="rounded")
+    assert not other.warning
+    kept = [experiments.entered_of(draft.content).texts for draft in experiments.list_drafts(lab, "aggregate")]
+    assert {(texts["name"], texts["source"], texts["shape"]) for texts in kept} == {
+        ("Kies", "Rhein", ""), ("Kies", "", "rounded"),
+    }  # fmt: skip
+
+
 def test_a_draft_is_whole_after_another_view(lab: Store) -> None:
     app = type_in(form(), name="Kies", sieves="16 0\n8 100")
     number, before = app.query_params["draft"], experiments.list_drafts(lab, "aggregate")
@@ -183,6 +198,13 @@ def test_drafts_are_kept_on_both_databases(store: Store) -> None:
     assert experiments.save_draft(store, "aggregate", {"texts": {"name": "Kies"}}, first) == first
     assert experiments.load_draft(store, first).content == {"texts": {"name": "Kies"}}
     assert [draft.id for draft in experiments.list_drafts(store, "mixture")] == [second]
+    other = experiments.save_draft(
+        store, "aggregate", {"texts": {"name": "Sand"}}, first, {"texts": {"name": "Körnung"}}
+    )
+    assert other != first, "another has written it since"
+    experiments.delete_draft(store, first, {"texts": {"name": "Körnung"}})
+    assert experiments.load_draft(store, first).content == {"texts": {"name": "Kies"}}
+    experiments.delete_draft(store, other, {"texts": {"name": "Sand"}})
     experiments.delete_draft(store, first)
     experiments.delete_draft(store, first)
     assert experiments.list_drafts(store, "aggregate") == []

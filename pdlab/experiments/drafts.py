@@ -26,12 +26,19 @@ class Drafted:
     saved_at: dt.datetime
 
 
-def save_draft(target: Store, kind: str, content: Mapping[str, Any], draft_id: int | None = None) -> int:
-    """Write a form's texts, over those of the draft if it is still there, else as a new one; return its id."""
+def save_draft(
+    target: Store, kind: str, content: Mapping[str, Any], draft_id: int | None = None,
+    before: Mapping[str, Any] | None = None,
+) -> int:  # fmt: skip
+    """Write a form's texts, over those of the draft if it is still there, else as a new one; return its id.
+
+    ``before``: what the draft held when the form was filled by it or last written. Where it holds something else by
+    now, another form has written it: that stays, and these texts are a new draft.
+    """
     text = json.dumps(content, ensure_ascii=False)
     with target.write() as session:
         row = None if draft_id is None else store.find_row(session, Draft, draft_id)
-        if row is None:
+        if row is None or (before is not None and fields_of(row) not in (before, content)):
             row = Draft(kind=kind, content=text)
             store.add_all(session, [row])
         row.content, row.saved_at = text, now()
@@ -53,10 +60,15 @@ def list_drafts(target: Store, kind: str, most: int = LISTED) -> list[Drafted]:
         return [_drafted(row) for row in store.drafts(session, kind, most)]
 
 
-def delete_draft(target: Store, draft_id: int) -> None:
-    """Delete a draft; one that is gone already is no error."""
+def delete_draft(target: Store, draft_id: int, before: Mapping[str, Any] | None = None) -> None:
+    """Delete a draft; one that is gone already is no error.
+
+    ``before``: what it held when its form was last written; where another form has written it since, it stays.
+    """
     with target.write() as session:
-        store.delete_draft(session, draft_id)
+        row = store.find_row(session, Draft, draft_id)
+        if before is None or (row is not None and fields_of(row) == before):
+            store.delete_draft(session, draft_id)
 
 
 def fields_of(row: Draft) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """Enter an aggregate: its sieve analysis and its density tests, checked while they are typed, kept as a draft."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +26,8 @@ SHOWN = 5  # drafts that are offered to be continued
 class _Form:
     """What stands in the form: the id of its draft, that of the aggregate of which a further test is entered.
 
-    ``kept``: what the draft holds, None where it is filled in by us; ``untold``: whether the browser does not say the
+    ``kept``: what of the form is kept, None where it is filled in by us; ``held``: what the draft held when it was read
+    or written last; ``untold``: whether the browser does not say the
     draft's address yet. Streamlit ends a run at any use of the session when the browser asks for the next; what is
     noted here does not use it.
     """
@@ -33,6 +35,7 @@ class _Form:
     draft: str = ""
     again: str = ""
     kept: str | None = ""
+    held: Mapping[str, Any] | None = None
     untold: bool = False
 
 
@@ -82,9 +85,11 @@ def _open(target: Store) -> None:
         return
     entered = EnteredAggregate(dict.fromkeys((*AGGREGATE_TEXTS, *SIEVE_TEXTS), ""))
     kept: str | None = ""
+    held: Mapping[str, Any] | None = None
     try:
         if wanted:
-            entered = experiments.entered_of(experiments.load_draft(target, links.number(wanted) or 0).content)
+            held = experiments.load_draft(target, links.number(wanted) or 0).content
+            entered = experiments.entered_of(held)
             kept = json.dumps(entered.content())
         elif again:
             entered, kept = experiments.entered_again(target, links.number(again) or 0), None
@@ -99,7 +104,7 @@ def _open(target: Store) -> None:
     st.session_state["density_basis"] = entered.texts["density_basis"] or "oven_dry"
     sieve_table.fill(entered)
     density_tests.fill(entered.tests)
-    st.session_state[FORM] = _Form(wanted, again, kept)
+    st.session_state[FORM] = _Form(wanted, again, kept, held)
 
 
 def _offer_drafts(target: Store) -> None:
@@ -142,8 +147,13 @@ def _keep(target: Store, entered: EnteredAggregate) -> None:
     if content == form.kept or (not form.draft and entered.is_blank):
         return
     told = st.query_params.get("draft")
-    number = str(experiments.save_draft(target, KIND, entered.content(), int(form.draft) if form.draft else None))
-    form.draft, form.again, form.kept, form.untold = number, "", content, form.untold or told != number
+    before = (int(form.draft), form.held) if form.draft else ()
+    number = str(experiments.save_draft(target, KIND, entered.content(), *before))
+    is_parted = form.draft not in ("", number)
+    form.draft, form.again, form.kept, form.held = number, "", content, json.loads(content)
+    form.untold = form.untold or told != number
+    if is_parted:
+        st.warning("This draft was changed or saved in another window: what stands here is a draft of its own now.")
     st.query_params["draft"] = number
     st.query_params.pop(AGAIN, None)
 
@@ -161,7 +171,7 @@ def _save(target: Store, entered: EnteredAggregate) -> None:
         st.warning("Not saved again: all of this is there already. If a test was made anew, give it its date.")
         return
     if form.draft:
-        experiments.delete_draft(target, int(form.draft))
+        experiments.delete_draft(target, int(form.draft), form.held)
     del st.session_state["name"]
     there = sum(len(done.names.get((table, False), ())) for table in TESTS)
     but = f", but for {there} test{'s' if there > 1 else ''} that equal{'' if there > 1 else 's'} one that is there"
