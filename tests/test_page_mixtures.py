@@ -246,7 +246,24 @@ def test_what_is_refused_is_a_sentence(stocked: Store, tmp_path: Path) -> None:
     assert any("No sieve analysis of bare" in text for text in said(app))
     ran(app.button(key="predict").click())
     experiments.predict(stocked, FormulaRunner(stocked), ["half bare"])
-    assert any("'bare' has no sieve analysis" in text for text in said(view(made)))
+    failed = (
+        "aggregate 'bare' of mixture 'half bare' is not calibrated: aggregate 'bare' has no sieve analysis; enter one"
+    )
+    app = view(made)
+    assert f"Before this one: {failed}" in said(app), "it is asked for a second time"
+    ran(app.button(key="cancel").click())
+    assert failed in said(app)
+
+
+def test_nobody_is_told_to_ask_for_what_is_asked_for(stocked: Store, tmp_path: Path) -> None:
+    asked = mixture(stocked)
+    experiments.predict(stocked, FormulaRunner(stocked))
+    (tmp_path / "packing_tests.csv").write_text("material,compaction,voids_percent\npebbles L,loose,41\n")
+    experiments.register(stocked, read_path(tmp_path))
+    app, outdated = view(asked), "pebbles L: tested or sieved anew since, or corrected"
+    assert f"{outdated}; press 'Predict' again" in said(app)
+    ran(app.button(key="predict").click())
+    assert f"Before this one: {outdated}" in said(app)
 
 
 @pytest.mark.parametrize(

@@ -31,9 +31,9 @@ def show(target: Store) -> None:
         return
     wish, answer, below = st.container(), st.container(), st.container()  # what is typed below survives the answer
     with wish:
-        _wish(target, chosen)
+        is_waiting = _wish(target, chosen)
     with answer:
-        method = result(target, composed)
+        method = result(target, composed, is_waiting)
         lab_report.offer(composed.name, partial(report.mixture, target, chosen, method))
     with below:
         mixture_tests.show(target, chosen, composed)
@@ -52,13 +52,14 @@ def _choose(target: Store) -> int:
     return choosing.keep("mixture", MIXTURE, chosen, NEW, [mixture_tests.WORD])
 
 
-def _wish(target: Store, chosen: int) -> None:
-    """Offer to wish for a prediction, or show how far the one is that waits."""
+def _wish(target: Store, chosen: int) -> bool:
+    """Offer to wish for a prediction, or show how far the one is that waits; return whether one does."""
     waiting = experiments.waiting_prediction(target, chosen)
     if waiting is None:
         _ask(target, chosen)
     else:
         watching.watch(target, waiting, partial(experiments.waiting_prediction, target, chosen))
+    return waiting is not None
 
 
 def _ask(target: Store, chosen: int) -> None:

@@ -15,10 +15,11 @@ DRAWN = 3000  # spheres of a bed at most: what a browser still turns smoothly
 BESIDE = ("volume_mean", "furnas", "toufar", "cpm")
 
 
-def result(target: Store, composed: Composed) -> str | None:
+def result(target: Store, composed: Composed, is_waiting: bool) -> str | None:
     """Show the mixture's last prediction by each method, one at a time, or what is known without one.
 
-    Returns the method that is shown, None without one.
+    ``is_waiting``: whether the next one is asked for already, so that nobody is told to ask. Returns the method that is
+    shown, None without one.
     """
     reports = experiments.comparisons(target, names=[composed.name])
     methods = [report.method for report in reports if report.state != "open"]
@@ -31,7 +32,8 @@ def result(target: Store, composed: Composed) -> str | None:
     if report.packing_density is not None:
         _metrics(report, report.packing_density, composed)
     for note in report.notes if methods else ():
-        st.warning(plain(pressed(note)))
+        said = pressed(note)
+        st.warning(plain(f"Before this one: {said.partition('; press ')[0]}" if is_waiting else said))
     _beside(report)
     if report.packing_density is not None and report.prediction_id is not None:
         _bed(target, report.prediction_id)
