@@ -38,9 +38,10 @@ def test_the_apertures_of_the_standard_fall_as_its_numbers_rise_and_its_inches_f
         ("1/0 in", "is no sieve's name"),
         ("No. " + "9" * 5000, "is no sieve's name"),
         ("3/8", "is no number; write millimetres"),
+        (" ", r"^the row has no sieve; write millimetres \(12\.5\)"),
         ("sixteen", "is no number; write millimetres"),
         ("1,180", "may be 1180 or 1.180"),
-        ("", "is no number"),
+        ("", "the row has no sieve"),
     ],
 )
 def test_what_is_no_sieve_is_refused_and_the_nearest_are_named(text: str, sentence: str) -> None:

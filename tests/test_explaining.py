@@ -136,7 +136,10 @@ def test_the_page_shows_the_coefficient_with_its_interval(lab: Store) -> None:
     assert report.result is not None
     assert app.metric[0].value == f"{report.result.value:.4f}"
     assert app.metric[0].delta == f"its interval: {report.result.low:.4f} to {report.result.high:.4f}"
+    assert app.metric[1].label.endswith(", measured loose")
     assert app.metric[1].value == "0.5830 ± 0.0050", "as many digits as the error has"
+    (link,) = app.get("page_link")
+    assert link.proto.label.replace("\\", "") == "Add a sieve analysis or a density test of pebbles F"
     assert "monosized" in app.markdown[0].value
 
 

@@ -55,7 +55,7 @@ class Explained:
 
     ``value``: the coefficient [-] with its interval, ``low`` or ``high`` None where it is open; ``why``: the method.
     ``message``: why there is no calibration; ``notes``: what speaks against it. ``calibration_id``: of the one that is
-    explained, done or failed.
+    explained, done or failed. ``compaction``: of the density test, empty where the angle of repose is sought.
     """
 
     aggregate_id: int
@@ -71,6 +71,7 @@ class Explained:
     message: str = ""
     notes: tuple[str, ...] = ()
     calibration_id: int | None = None
+    compaction: str = ""
 
 
 def explain(target: Store, aggregate_id: int) -> Explained:
@@ -149,6 +150,7 @@ def _explained(
         measured_error=measured.standard_error, value=None if result is None else result.value,
         low=None if result is None else result.low, high=None if result is None else result.high,
         message=(fit.message or "") if fit is not None else "", notes=tuple(notes),
+        compaction=opened.protocol.compaction if opened.method != REPOSE else "",
     )  # fmt: skip
 
 

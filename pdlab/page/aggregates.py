@@ -38,7 +38,7 @@ MEANINGS = {
     "friction": f"{QUANTITIES['friction'].meaning}, calibrated",
     "rolling_friction": f"{QUANTITIES['rolling'].meaning}, calibrated",
 }
-ADD, CALIBRATED = ":material/add:", ":material/tune:"
+CALIBRATED = ":material/tune:"
 
 
 def show(target: Store) -> None:
@@ -46,7 +46,7 @@ def show(target: Store) -> None:
     search, new = st.columns([3, 1], vertical_alignment="bottom")
     text = search.text_input("Search by name", key="search")
     with new:
-        links.link("Enter a new aggregate", "new-aggregate", ADD)
+        links.link("Enter a new aggregate", "new-aggregate", links.ADD)
     known = _list(target, text)
     chosen_before = {key: st.session_state[NAMES][key] for key in st.session_state.get("shown", ())}
     offered = chosen_before | known  # what is looked at stays when the search changes
@@ -97,7 +97,7 @@ def _say(chosen: Sequence[Summary]) -> None:
     """Lead to the aggregates' calibrations, to further tests and corrections; say what stands against them."""
     ways = (
         ("calibration", CALIBRATED, "Calibration of {}"),
-        ("new-aggregate", ADD, "Add a sieve analysis or a density test of {}"),
+        ("new-aggregate", links.ADD, "Add a sieve analysis or a density test of {}"),
         ("corrections", links.EDIT, "Correct {}"),
     )
     for address, sign, words in ways:

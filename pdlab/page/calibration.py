@@ -7,7 +7,7 @@ import streamlit as st
 from pdlab import charts, experiments, report
 from pdlab.errors import UnknownName
 from pdlab.experiments import Explained
-from pdlab.page import choosing, greeting, lab_report, watching
+from pdlab.page import choosing, greeting, lab_report, links, watching
 from pdlab.page.wording import begun, plain, pressed
 from pdlab.quantities import label
 from pdlab.store import Store
@@ -41,6 +41,8 @@ def show(target: Store) -> None:
             "The axis is spaced by the root of the coefficient."
         )
     lab_report.offer(known.name, partial(report.aggregate, target, chosen))
+    words = f"Add a sieve analysis or a density test of {known.name}"
+    links.link(words, "new-aggregate", links.ADD, aggregate=str(chosen))
 
 
 def _choose(target: Store) -> int | None:
@@ -68,7 +70,7 @@ def _result(known: Explained) -> None:
         )  # fmt: skip
         digits = 4 if known.curve.sought == "packing_density" else 1
         second.metric(
-            begun(label(known.curve.sought)) + ", measured",
+            begun(label(known.curve.sought)) + f", measured {known.compaction}".rstrip(),
             f"{known.measured:.{digits}f} ± {known.measured_error:.{digits}f}",
         )  # fmt: skip
     if known.method:

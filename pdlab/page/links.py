@@ -13,7 +13,7 @@ from pdlab.page.wording import plain, pressed
 
 PAGES, SAID, REFUSED = "pages", "said", "refused"
 DIGITS = 9  # of an id at most: what a database takes as one
-EDIT, THERE = ":material/edit:", ":material/arrow_forward:"
+ADD, EDIT, THERE = ":material/add:", ":material/edit:", ":material/arrow_forward:"
 OPEN = "mixture_to_open"  # the mixture that the view of mixtures is to show next, whatever it showed before
 
 

@@ -33,7 +33,9 @@ BLANK_INSIDE = re.compile(rf"{NUMBER_NAME.pattern}|{INCH_NAME.pattern}", re.ASCI
 
 def parse_aperture(text: str) -> float | None:
     """Return the aperture [mm] that a sieve's designation stands for, None for the pan. Raises ParseError."""
-    bare = text.strip()
+    bare, form = text.strip(), "write millimetres (12.5) or a sieve's name (No. 4, 3/8 in, 63 µm, pan)"
+    if not bare:
+        raise ParseError(f"the row has no sieve; {form}")
     if bare.lower() in PAN:
         return None
     if numbered := NUMBER_NAME.fullmatch(bare):
@@ -45,11 +47,9 @@ def parse_aperture(text: str) -> float | None:
     try:
         return parse_number(bare, "mm")
     except ParseError as error:
-        if not bare or "may be" in str(error) or "too large" in str(error):
+        if "may be" in str(error) or "too large" in str(error):
             raise
-        raise ParseError(
-            f"'{bare}' is no number; write millimetres (12.5) or a sieve's name (No. 4, 3/8 in, 63 µm, pan)"
-        ) from error
+        raise ParseError(f"'{bare}' is no number; {form}") from error
 
 
 def _value(size: str) -> Fraction:
