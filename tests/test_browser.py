@@ -105,7 +105,9 @@ def cell(page: Any, row: int, column: int) -> None:
     page.wait_for_timeout(700)
     box = page.get_by_test_id("stDataFrame").first.bounding_box()
     left = 40 + (box["width"] - 40) * (0.25 + 0.5 * column)
-    page.mouse.click(box["x"] + left, box["y"] + 35 * (row + 1.5))
+    place = box["x"] + left, box["y"] + 35 * (row + 1.5)
+    page.mouse.move(*place, steps=3)  # a grid takes no click where no mouse has come
+    page.mouse.click(*place)
 
 
 def type_cell(page: Any, row: int, column: int, text: str) -> None:

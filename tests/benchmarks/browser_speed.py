@@ -38,7 +38,7 @@ st.selectbox("Choice", range(200), key="choice")
 x = np.linspace(0.0, 1.0, 500)
 st.plotly_chart(go.Figure(go.Scatter(x=x, y=np.sin(9.0 * x + st.session_state.choice), mode="markers")), key="chart")
 """
-ROUNDS, LIMIT = 7, 1.5
+ROUNDS, LIMIT = 15, 1.5
 """Times that each view is opened and each interaction done; how many times as long as the empty page they may take."""
 WATCH = """() => {
   const app = document.querySelector('[data-testid=stApp]');
