@@ -96,10 +96,11 @@ def recall(name: str, place: str, others: Collection[str] = (), new: int | None 
     address asks for something else than what was chosen. Within the view the way back leads to ``new`` where the
     address gives nothing.
     """
+    asked = asked_ids(name)
     if links.came_back() and place in st.session_state:
-        st.session_state[place] = next(iter(asked_ids(name)), st.session_state[place] if new is None else new)
+        st.session_state[place] = next(iter(asked), st.session_state[place] if new is None else new)
     kept = [] if any(one in st.query_params for one in others) else st.session_state.get(f"kept_{place}", [])
-    for key in (asked_ids(name) or kept)[:1]:
+    for key in (asked or kept)[:1]:
         st.session_state.setdefault(place, key)
 
 

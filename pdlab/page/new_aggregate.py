@@ -27,9 +27,8 @@ class _Form:
     """What stands in the form: the id of its draft, that of the aggregate of which a further test is entered.
 
     ``kept``: what of the form is kept, None where it is filled in by us; ``held``: what the draft held when it was read
-    or written last; ``untold``: whether the browser does not say the
-    draft's address yet. Streamlit ends a run at any use of the session when the browser asks for the next; what is
-    noted here does not use it.
+    or written last; ``untold``: whether the browser does not say the draft's address yet. Streamlit ends a run at any
+    use of the session when the browser asks for the next; what is noted here does not use it.
     """
 
     draft: str = ""
@@ -99,11 +98,11 @@ def _open(target: Store) -> None:
         wanted = again = ""
         for word in ("draft", AGAIN):
             st.query_params.pop(word, None)
-    for name in AGGREGATE_TEXTS:
-        st.session_state[name] = entered.texts[name]
-    st.session_state["density_basis"] = entered.texts["density_basis"] or "oven_dry"
     sieve_table.fill(entered)
     density_tests.fill(entered.tests)
+    texts = {**entered.texts, "density_basis": entered.texts["density_basis"] or "oven_dry"}
+    for name in reversed(AGGREGATE_TEXTS):  # the name last: with it all is there
+        st.session_state[name] = texts[name]
     st.session_state[FORM] = _Form(wanted, again, kept, held)
 
 
