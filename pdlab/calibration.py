@@ -9,10 +9,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import brentq, isotonic_regression
 
 from pdlab.angles import MeasuredAngle
 from pdlab.density import MeasuredPacking
@@ -30,6 +29,9 @@ from pdlab.specimen import (
     on_grid,
     with_seeds,
 )
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 Measured = MeasuredPacking | MeasuredAngle
 MONOSIZED, ROLLING, GRADED, REPOSE = "monosized", "monosized_rolling", "graded", "repose"
@@ -135,6 +137,8 @@ class Curve:
 
     @cached_property
     def _monotone(self) -> np.ndarray:
+        from scipy.optimize import isotonic_regression  # scipy takes 0.4 s, and the store imports this module
+
         values = [point.mean for point in self.points]
         weights = [float(point.seeds) for point in self.points]
         return np.asarray(isotonic_regression(values, weights=weights, increasing=self.sought.sign > 0).x)
@@ -144,7 +148,9 @@ class Curve:
         return np.sqrt([point.value for point in self.points])
 
     @cached_property
-    def _smooth(self) -> PchipInterpolator:
+    def _smooth(self) -> "PchipInterpolator":
+        from scipy.interpolate import PchipInterpolator
+
         return PchipInterpolator(self._roots, self._monotone)
 
     def at(self, value: float) -> float:
@@ -174,6 +180,8 @@ class Curve:
             return first
         if sign * target >= sign * self.at(last):
             return last
+        from scipy.optimize import brentq
+
         root = brentq(lambda x: float(self._smooth(x)) - target, math.sqrt(first), math.sqrt(last), xtol=1e-9)
         return float(root) ** 2
 
