@@ -129,15 +129,19 @@ def test_the_page_wishes_for_a_calibration_and_cancels_it(lab: Store) -> None:
     assert app.button(key="calibrate")
 
 
-def test_the_page_shows_the_coefficient_with_its_interval(lab: Store) -> None:
+def test_the_page_shows_the_coefficient_with_its_interval(lab: Store, tmp_path: Path) -> None:
     experiments.register(lab, read_path(SHIPPED))
     (report,) = experiments.calibrate(lab, FormulaRunner(lab), ["pebbles F"])
     app = view(report.aggregate_id)
     assert report.result is not None
     assert app.metric[0].value == f"{report.result.value:.4f}"
     assert app.metric[0].delta == f"its interval: {report.result.low:.4f} to {report.result.high:.4f}"
-    assert app.metric[1].label.endswith(", measured loose")
+    assert app.metric[1].label.endswith(", measured"), "in a compaction that is not stated"
     assert app.metric[1].value == "0.5830 ± 0.0050", "as many digits as the error has"
+    (tmp_path / "packing_tests.csv").write_text("material,compaction,voids_percent\npebbles F,rodded,41.7\n")
+    experiments.register(lab, read_path(tmp_path / "packing_tests.csv"))
+    experiments.calibrate(lab, FormulaRunner(lab), ["pebbles F"])
+    assert view(report.aggregate_id).metric[1].label.endswith(", measured rodded")
     (link,) = app.get("page_link")
     assert link.proto.label.replace("\\", "") == "Add a sieve analysis or a density test of pebbles F"
     assert "monosized" in app.markdown[0].value

@@ -55,7 +55,7 @@ class Explained:
 
     ``value``: the coefficient [-] with its interval, ``low`` or ``high`` None where it is open; ``why``: the method.
     ``message``: why there is no calibration; ``notes``: what speaks against it. ``calibration_id``: of the one that is
-    explained, done or failed. ``compaction``: of the density test, empty where the angle of repose is sought.
+    explained, done or failed. ``compaction``: of the density test, empty without one or where it is not stated.
     """
 
     aggregate_id: int
@@ -137,6 +137,7 @@ def _explained(
     newest: int | None,
 ) -> Explained:  # fmt: skip
     ladder, measured = opened.ladder(), opened.measured
+    stated = {test.id: test.compaction for test in opened.aggregate.packing_tests if test.compaction != "unstated"}
     result = calibration_report(fit.aggregate, fit).result if fit is not None else None
     notes = list(opened.warnings if fit is None else (fit.warnings or "").splitlines())
     if fit is not None and is_stale(fit):
@@ -150,7 +151,7 @@ def _explained(
         measured_error=measured.standard_error, value=None if result is None else result.value,
         low=None if result is None else result.low, high=None if result is None else result.high,
         message=(fit.message or "") if fit is not None else "", notes=tuple(notes),
-        compaction=opened.protocol.compaction if opened.method != REPOSE else "",
+        compaction=stated.get(opened.tested.get("packing_test_id", 0), ""),
     )  # fmt: skip
 
 
