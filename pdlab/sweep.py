@@ -350,7 +350,7 @@ def _warnings(one: _Sweep, densest: Densest, surface: Surface, wished_error: flo
     if not one.is_known(densest, surface, wished_error):
         out.append(
             f"after {one.asked} beds the densest mix is known to ± {densest.standard_error:.4f}, and other proportions "
-            f"may give {densest.to_gain:.4f} more; {wished_error:g} was wished: allow more beds (--most)"
+            f"may give {densest.to_gain:.4f} more; {wished_error:g} was wished: allow more beds by 'pdlab sweep --most'"
         )
     if one.too_large:
         out.append(f"{len(one.too_large)} of {len(one.shares)} proportions were left out: {one.too_large[0]}")
