@@ -57,15 +57,20 @@ class Cluster:
         return self
 
     def start_scheduler(self) -> None:
-        self.scheduler = self._start(
-            "scheduler", "--port", str(self.port), "--idle-timeout", "3 hours", *self.scheduler_options
-        )
+        self.scheduler = self._schedule()
         for _ in range(300):
+            if self.scheduler.poll() is not None:  # a connection of another program had the port
+                end(self.scheduler)
+                self.scheduler = self._schedule()
             with socket.socket() as tried:
                 if tried.connect_ex(("127.0.0.1", self.port)) == 0:
                     return
             time.sleep(0.1)
         raise AssertionError("the scheduler has not started")
+
+    def _schedule(self) -> "subprocess.Popen[bytes]":
+        options = ("--port", str(self.port), "--idle-timeout", "3 hours", *self.scheduler_options)
+        return self._start("scheduler", *options)
 
     def start_worker(self, *options: str) -> None:
         self.workers.append(self._start("worker", self.address, *(options or ("--nthreads", "1"))))

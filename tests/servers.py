@@ -4,6 +4,7 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,7 +31,9 @@ def serving(module: str, *arguments: str, port: int, below: str = "", **how: Any
             try:
                 urllib.request.urlopen(f"http://127.0.0.1:{port}/{below}_stcore/health", timeout=1).close()
                 break
-            except OSError:
+            except OSError as error:
+                if isinstance(error, urllib.error.HTTPError):  # it answers that it is not ready
+                    error.close()
                 time.sleep(0.1)
         else:
             raise AssertionError("the server does not answer")

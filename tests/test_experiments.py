@@ -239,7 +239,7 @@ def test_loose_and_rodded_tests_do_not_mix(store: Store, folder: Folder, formula
     load(store, folder(aggregates=AGGREGATES, sieves=SIEVES, packing_tests=tests, mixtures=MIXTURES))
     (report,) = predict(store, formula_runner(store))
     assert isinstance(report.error, ProtocolError)
-    assert "tested loose and rodded" in str(report.error)
+    assert "newest density tests are loose and rodded" in str(report.error)
 
 
 def test_a_failed_run_fails_its_mixture_and_no_other(pebbles: Store, formula_runner: Any) -> None:
